@@ -1,0 +1,2465 @@
+/* conemap.h - relief from heightmaps through cone maps, in one header. C99 and C++11, no dependencies.
+
+   Hand it a heightmap; it builds a cone map (for every texel the widest empty cone standing on it, [Dum06]),
+   writes it as a texture, and traces rays through the relief on the CPU: picking, line of sight, baking.
+
+   In ONE source file:                          Everywhere else:
+
+       #define CONEMAP_IMPLEMENTATION               #include "conemap.h"
+       #include "conemap.h"
+
+   A whole program's worth (examples/hello.c):
+
+       conemap_desc desc = {0};                     // every zero field means the default beside it
+       desc.heights.pixels = pixels;                // your heightmap, 8 bit here
+       desc.heights.format = CONEMAP_UNORM8;
+       desc.heights.width  = 256;
+       desc.heights.height = 256;
+
+       conemap_map map;
+       if (conemap_build(&desc, &map) != CONEMAP_OK) return 1;
+
+       conemap_ray ray = {{0.2f, 0.2f, 1.0f}, {0.5f, 0.4f, -1.0f}, 0.0f, 0.0f};
+       conemap_hit hit;
+       conemap_trace(&map, NULL, &ray, &hit, 1);    // hit.status, hit.t, hit.u, hit.v, hit.z
+       conemap_write_texture(&map, upload, upload_size, row_pitch);
+       conemap_free(&map);
+
+   Link with -lm where sqrtf needs it.
+
+   CONTENTS (search for the banner)
+       C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
+       R E S U L T S               the one result enum
+       D E S C R I P T I O N S     heights, texture, build and trace settings; the map, rays and hits
+       B U I L D I N G             conemap_build; memory; progress; jobs for a host's own threads
+       T E X T U R E S             upload, bake to bytes, load, format numbers
+       S A M P L I N G             height, cone and normal at a point
+       T R A C I N G               rays against the relief
+     and under CONEMAP_IMPLEMENTATION
+       N U M E R I C S             small arithmetic, half floats, checked sizes
+       S T O R A G E               texel decoding and encoding, rounding cones down
+       P Y R A M I D               maxima over blocks, any size
+       G E N E R A T I O N         ring search, quick, relaxed, correction
+       B U I L D   P A S S E S     validation, memory plan, jobs
+       F I L E S                   texture and baked bytes
+       S A M P L E R S             bilinear cells
+       T R A C E R S               the walk through cells, every tracer, refinement
+       L I C E N C E               at the end of the file
+
+   OPTIONS (define before including)
+       CONEMAP_STATIC              every function static: private copies in several source files
+       CONEMAP_API                 your own linkage, e.g. __declspec(dllexport)
+       CONEMAP_MALLOC(size)        both or neither: replace malloc and free as the default allocator
+       CONEMAP_FREE(pointer)
+
+   SOURCES
+       [Dum06]  J. Dummer, Cone Step Mapping, 2006
+       [PO07]   F. Policarpo and M. Oliveira, Relaxed Cone Stepping for Relief Mapping, GPU Gems 3, 2007
+       [HSST08] A. Halli et al., Per-Pixel Displacement Mapping Using Cone Tracing, 2008
+       [TIS08]  A. Tevs et al., Maximum Mipmaps for Dynamic Height Field Rendering, I3D 2008
+       [CHRS17] A. O. Chahdi et al., Per-pixel Displacement Mapping Using Hybrid Cone Approach, 2017
+       [Dro18]  M. Drobot, Quadtree Displacement Mapping with Height Blending, GPU Pro 360, 2018
+       [VB22]   G. Valasek and R. Ban, Quick Cone Map Generation on the GPU, Eurographics 2022
+       [BV24]   R. Ban et al., Robust Cone Step Mapping, EGSR 2024
+*/
+#ifndef CONEMAP_H
+#define CONEMAP_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifndef CONEMAP_API
+#ifdef CONEMAP_STATIC
+#define CONEMAP_API static
+#else
+#define CONEMAP_API extern
+#endif
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ======================================================================================================
+   C O N V E N T I O N S
+
+   The box. A map of W x H texels spans the unit square; texel (i, j) has its centre at u = (i + 0.5) / W,
+   v = (j + 0.5) / H. Heights are 0..1. Rays live in that unit box, so how deep the relief looks belongs to
+   the ray (scale its z), never to the map, and can change every frame without a rebuild.
+
+   The surface is the bilinear interpolation of the texel centres. The square between four centres is a
+   bilinear cell. The relief is solid: a point at or below the surface is inside, so a ray that enters the
+   map's side below the surface hits that side.
+
+   Outside the outermost centres, for each axis by itself:
+       CONEMAP_CLAMP    the border texel's height goes on for the outer half texel; at u = 0 and u = 1 the
+                        map ends. There are W + 1 cells along the axis, the outer two half as wide.
+       CONEMAP_WRAP     the map repeats without end; a ray never leaves along this axis, and is followed for
+                        2^20 texels at most (single precision knows no cells beyond).
+       CONEMAP_NOTHING  the surface ends at the outermost centres; the outer half texel is empty.
+   An axis of a single texel is constant along its length; NOTHING there is treated as CLAMP.
+
+   A cone stands on the surface, point down, and holds no vertex of the surface. It is kept as the tangent of
+   its half angle, horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are
+   sqrt(du^2 + (aspect dv)^2): aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
+
+   Cones are built from the heights as the texture will hold them (decoded and quantised) and rounded down,
+   so a stored cone is never wider than the computed one, which itself is never wider than the true one:
+   the cone is 1 / sqrt(s), less 2^-20 of itself for the rounding of its arithmetic, where s is the maximum
+   over vertices of the rounded quotient fl(dh^2 / d^2).
+
+   Bits. Results are the same to the bit however the work is split into jobs, on every strict IEEE build.
+
+   Threads. There is no mutable global. A finished map is read-only: any number of threads may trace it.
+   ====================================================================================================== */
+
+#define CONEMAP_VERSION 1
+#define CONEMAP_MAX_SIZE 32768   /* texels along an axis */
+#define CONEMAP_TAN_LIMIT 65504.0f /* the widest max_tan: the largest finite half float */
+#define CONEMAP_ALIGNMENT 8      /* bytes; what caller-owned memory must be aligned to */
+
+/* ======================================================================================================
+   R E S U L T S
+   ====================================================================================================== */
+
+/* Every result with its text. Expand with a macro of two arguments. */
+#define CONEMAP_RESULTS(X)                                                                                 \
+    X(CONEMAP_OK, "no error")                                                                              \
+    X(CONEMAP_CANCELLED, "the progress callback asked to stop")                                            \
+    X(CONEMAP_ERROR_NULL, "a required pointer is null")                                                    \
+    X(CONEMAP_ERROR_SIZE, "width or height is below 1 or above CONEMAP_MAX_SIZE")                          \
+    X(CONEMAP_ERROR_OVERFLOW, "a size does not fit in size_t")                                             \
+    X(CONEMAP_ERROR_STRIDE, "a row or pixel stride is smaller than what it must step over")                \
+    X(CONEMAP_ERROR_ENUM, "an enum field holds no known value")                                            \
+    X(CONEMAP_ERROR_PARAMETER, "a numeric field is NaN or out of its range")                               \
+    X(CONEMAP_ERROR_HEIGHT, "a height is NaN, infinite or outside 0..1")                                   \
+    X(CONEMAP_ERROR_MEMORY, "memory could not be allocated")                                               \
+    X(CONEMAP_ERROR_BUFFER, "a buffer handed in is too small")                                             \
+    X(CONEMAP_ERROR_ALIGNMENT, "a buffer handed in is not aligned to CONEMAP_ALIGNMENT bytes")             \
+    X(CONEMAP_ERROR_ORDER, "a job or pass is out of range, or the build ended before all jobs were run")   \
+    X(CONEMAP_ERROR_RAY_ORIGIN, "a ray origin is NaN or infinite")                                         \
+    X(CONEMAP_ERROR_RAY_DIRECTION, "a ray direction is zero, NaN or infinite")                             \
+    X(CONEMAP_ERROR_RAY_RANGE, "a ray's t range is NaN, negative or empty")                                \
+    X(CONEMAP_ERROR_NO_HEIGHTS, "the baked bytes hold cones only: hand the heights over in a desc")        \
+    X(CONEMAP_ERROR_NO_PYRAMID, "this tracer needs a map built with keep_pyramid")                         \
+    X(CONEMAP_ERROR_POSITION, "a sample position is NaN, infinite or off the surface")                     \
+    X(CONEMAP_ERROR_FILE_FORMAT, "these bytes are not a baked cone map")                                   \
+    X(CONEMAP_ERROR_FILE_VERSION, "the baked bytes have an unknown version")                               \
+    X(CONEMAP_ERROR_FILE_TRUNCATED, "the baked bytes end too early")                                       \
+    X(CONEMAP_ERROR_FILE_CORRUPT, "the baked bytes contradict themselves")                                 \
+    X(CONEMAP_ERROR_HASH, "the heights are not those that the baked cones were built from")
+
+#define CONEMAP__ENUM_ITEM(name, text) name,
+typedef enum conemap_result { CONEMAP_RESULTS(CONEMAP__ENUM_ITEM) CONEMAP_RESULT_COUNT } conemap_result;
+#undef CONEMAP__ENUM_ITEM
+
+/* The text of a result: a constant string, never null, also for values outside the enum. */
+CONEMAP_API const char *conemap_result_string(conemap_result result);
+
+/* ======================================================================================================
+   D E S C R I P T I O N S
+
+   Every desc is valid when zeroed; the comment beside a field says what zero means.
+   ====================================================================================================== */
+
+typedef enum conemap_format { /* one channel, of heights read or of textures written; native byte order */
+    CONEMAP_F32 = 0,
+    CONEMAP_F16,
+    CONEMAP_UNORM16, /* u16 / 65535 */
+    CONEMAP_UNORM8,  /* u8 / 255 */
+    CONEMAP_FORMAT_COUNT
+} conemap_format;
+
+typedef enum conemap_wrap { /* what lies outside the outermost texel centres; see CONVENTIONS */
+    CONEMAP_CLAMP = 0,
+    CONEMAP_WRAP,
+    CONEMAP_NOTHING,
+    CONEMAP_WRAP_COUNT
+} conemap_wrap;
+
+typedef enum conemap_encoding { /* what the cone channel holds */
+    CONEMAP_LINEAR = 0, /* tan; unorm formats hold at most 1, and what is below one step becomes 0 (safe) */
+    CONEMAP_SQRT,       /* sqrt(tan), finer where cones are narrow [Dum06]; interpolates narrower: safe */
+    CONEMAP_RADIUS,     /* (1 - height) tan, the cone's radius at the top of the box [HSST08] */
+    CONEMAP_ENCODING_COUNT
+} conemap_encoding;
+
+typedef enum conemap_layout { /* the channels of a texel */
+    CONEMAP_HEIGHT_CONE = 0, /* 2: height, cone */
+    CONEMAP_CONE_ONLY,       /* 1: cone; the host samples its own heights, so these stay as they were read */
+    CONEMAP_DUMMER,          /* 4: height, cone, dh/du, dh/dv as [Dum06]: 0.5 + (dh per texel), clamped to 0..1
+                                in unorm formats; pair it with CONEMAP_SQRT for his files */
+    CONEMAP_LAYOUT_COUNT
+} conemap_layout;
+
+typedef enum conemap_generator {
+    CONEMAP_GENERATE_DEFAULT = 0,    /* CONEMAP_QUICK */
+    CONEMAP_RING,                    /* the widest vertex cones: ring search with early out [Dum06]; slow */
+    CONEMAP_QUICK_NAIVE,             /* conservative, narrow: [VB22] Algorithm 1 */
+    CONEMAP_QUICK,                   /* conservative, wider: [VB22] Algorithm 2 with its diagonals mended */
+    CONEMAP_QUICK_NAIVE_CENTER,      /* texel-centre heuristic on Algorithm 1: wider, not safe [VB22] */
+    CONEMAP_QUICK_CENTER,            /* texel-centre heuristic on Algorithm 2: wider, not safe [VB22] */
+    CONEMAP_RELAXED_SAMPLED,         /* relaxed by marching rays from the top [PO07]; slowest, not safe */
+    CONEMAP_RELAXED,                 /* relaxed, [BV24] Algorithm 2 with borders and axis cells mended; the
+                                        near corner's height decides, which is not always safe */
+    CONEMAP_HYBRID,                  /* between RING and RELAXED by hybrid_weight [CHRS17] */
+    CONEMAP_GENERATOR_COUNT
+} conemap_generator;
+
+typedef enum conemap_guarantee { /* what a map's cones promise, kept in its info */
+    CONEMAP_GUARANTEE_NONE = 0, /* heuristics: anything may happen */
+    CONEMAP_GUARANTEE_VERTEX,   /* the cone of a texel holds no other texel's vertex */
+    CONEMAP_GUARANTEE_RELAXED,  /* [BV24]'s rule for descending rays: bisect between the last two steps */
+    CONEMAP_GUARANTEE_COUNT
+} conemap_guarantee;
+
+/* A heightmap in the caller's memory. Read during the build only; never written. */
+typedef struct conemap_heights {
+    const void *pixels;     /* the first texel of row 0 */
+    int width, height;      /* 1..CONEMAP_MAX_SIZE */
+    conemap_format format;
+    int is_depth;           /* nonzero: values are depths, height = 1 - value */
+    ptrdiff_t row_stride;   /* bytes from row to row, may be negative; 0: rows touch */
+    ptrdiff_t pixel_stride; /* bytes from texel to texel; 0: texels touch */
+} conemap_heights;
+
+/* What the texture will hold. The cones are built for exactly these heights and rounded down to this format. */
+typedef struct conemap_texture {
+    conemap_format format;
+    conemap_encoding encoding;
+    conemap_layout layout;
+    int flip_dv;            /* CONEMAP_DUMMER: nonzero negates dh/dv, for v pointing up */
+} conemap_texture;
+
+/* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
+typedef struct conemap_allocator {
+    void *(*allocate)(size_t size, void *user);
+    void (*release)(void *memory, void *user);
+    void *user;
+} conemap_allocator;
+
+/* One job of a pass; `context` and `index` are handed through by the host. */
+typedef void conemap_job(void *context, int index);
+
+/* Everything that decides a cone map. */
+typedef struct conemap_desc {
+    conemap_heights heights;
+    conemap_wrap wrap_u, wrap_v;
+    float aspect;           /* metres per v over metres per u; 0: 1. 2^-15..2^15 */
+    float max_tan;          /* widest cone; 0: 1, as the papers. Up to CONEMAP_TAN_LIMIT */
+    conemap_texture texture;
+
+    conemap_generator generator;
+    int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
+    int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
+    int ring_limit;         /* RING, RELAXED..., HYBRID: look at most so many texels far, which leaves the later
+                               batches out [BV24 section 5] and drops the guarantee; 0: no limit */
+    float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
+    int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
+
+    conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
+    void *memory;           /* caller-owned memory for the map; null: allocate. Must outlive the map */
+    size_t memory_size;     /* at least conemap_memory's memory_size */
+    void *scratch;          /* caller-owned memory for the build only; null: allocate */
+    size_t scratch_size;    /* at least conemap_memory's scratch_size */
+
+    int (*progress)(double done, void *user); /* 0..1; a nonzero return cancels; null: none. Called from the
+                               thread that runs the job; with parallel jobs `done` is not in order */
+    void *progress_user;
+    void (*parallel_for)(int count, conemap_job *job, void *context, void *user); /* run job(context, 0) to
+                               job(context, count - 1) on any threads in any order, return when all are done;
+                               null: this thread */
+    void *parallel_user;
+} conemap_desc;
+
+/* What a map is: travels with baked bytes so that no reader can disagree with them. */
+typedef struct conemap_info {
+    int width, height;
+    conemap_wrap wrap_u, wrap_v;
+    float aspect;
+    float max_tan;
+    conemap_texture texture;
+    conemap_generator generator;
+    conemap_guarantee guarantee;
+    int min3x3;
+    uint64_t height_hash;   /* of the decoded heights */
+} conemap_info;
+
+/* Maxima over square blocks, halved and rounded up per level until one block is left. */
+typedef struct conemap_pyramid {
+    int levels;             /* 0: none kept */
+    int width[17], height[17];
+    float *level[17];       /* level[0] may be null: computed when asked for */
+} conemap_pyramid;
+
+/* A cone map. Read-only for the caller; free it with conemap_free. */
+typedef struct conemap_map {
+    conemap_info info;
+    const float *heights;   /* width * height, row 0 first, as a texture fetch returns them */
+    const float *cones;     /* width * height, encoded, as a texture fetch returns them: see conemap_decode */
+    conemap_pyramid cells;  /* maxima over bilinear cells, with keep_pyramid */
+    size_t memory_size;     /* bytes held */
+    struct {                /* private */
+        void *memory, *scratch;
+        int owns_memory, owns_scratch;
+        conemap_allocator allocator;
+        conemap_desc desc;
+        conemap_pyramid texels; /* maxima over texels, while building */
+        float *heights, *cones, *plane;
+        float texel_u, texel_v; /* a texel's size, aspect included */
+        float least_slope2;     /* 1 / max_tan^2 */
+        unsigned char *job_results;
+        int pass_jobs[8];
+    } build;
+} conemap_map;
+
+typedef struct conemap_ray {
+    float origin[3];        /* u, v, z in the unit box's coordinates; anywhere */
+    float direction[3];     /* any length but 0; t counts in it */
+    float t_min;            /* where the ray begins; 0 or more */
+    float t_max;            /* where it ends; 0: no end */
+} conemap_ray;
+
+typedef enum conemap_status {
+    CONEMAP_HIT = 0,        /* the ray is at or below the surface at t */
+    CONEMAP_LEFT,           /* it left the map through a side or the top, or never met it */
+    CONEMAP_FLOOR,          /* it reached z = 0 where there is no surface */
+    CONEMAP_T_MAX,          /* it reached t_max above the surface */
+    CONEMAP_STEP_CAP,       /* max_steps, or 2^20 texels of a wrapping map, were spent: unconverged, t is how
+                               far it came */
+    CONEMAP_INVALID,        /* the ray itself is invalid; conemap_trace says how */
+    CONEMAP_STATUS_COUNT
+} conemap_status;
+
+typedef struct conemap_hit {
+    conemap_status status;
+    int inside;             /* nonzero: the ray began or entered the map at or below the surface */
+    float t;                /* along the ray, in lengths of its direction */
+    float u, v, z;          /* origin + t direction; u and v are not wrapped */
+    float t_before, t_after;/* the bracket: above the surface before, at or below it after (equal when exact) */
+    int steps;              /* iterations: cone steps, cells or blocks visited */
+} conemap_hit;
+
+typedef enum conemap_tracer {
+    CONEMAP_TRACE_DEFAULT = 0,  /* CONEMAP_TRACE_CELL_MAX */
+    CONEMAP_TRACE_LINEAR,       /* equal steps from entry to exit; no cones; misses what lies between */
+    CONEMAP_TRACE_FIXED,        /* [Dum06] _fixed: ten cone steps, then take what is there */
+    CONEMAP_TRACE_LOOP,         /* [Dum06] _loop: max_steps cone steps, then take what is there */
+    CONEMAP_TRACE_EXACT_STEP,   /* [Dum06] _exact: cone step plus one texel until below, back off one texel */
+    CONEMAP_TRACE_CELL_MAX,     /* [BV24] Algorithm 1: the farther of cone step and cell border */
+    CONEMAP_TRACE_MAXMIP,       /* [TIS08]: walk over maxima, exact hit with the bilinear cell; no cones */
+    CONEMAP_TRACE_QDM,          /* [Dro18]: walk over maxima, linear hit in the cell; no cones */
+    CONEMAP_TRACER_COUNT
+} conemap_tracer;
+
+typedef enum conemap_refinement { /* of the last bracket; MAXMIP and QDM bring their own */
+    CONEMAP_REFINE_NONE = 0,
+    CONEMAP_REFINE_SECANT,      /* one secant step */
+    CONEMAP_REFINE_BISECT,      /* refine_steps halvings */
+    CONEMAP_REFINEMENT_COUNT
+} conemap_refinement;
+
+typedef struct conemap_trace_desc {
+    conemap_tracer tracer;
+    conemap_refinement refinement;
+    int refine_steps;       /* CONEMAP_REFINE_BISECT; 0: 7, as [BV24]. Up to 64 */
+    int max_steps;          /* 0: LINEAR 200, LOOP 20, others as many as it takes; FIXED always takes 10 */
+    float step_scale;       /* cone steps times this; 0: 1. Above 1 is [VB22] section 4.1's experiment */
+    int adaptive_steps;     /* LOOP: nonzero scales max_steps by 0.5 + |horizontal direction| [Dum06] */
+    float tolerance;        /* FIXED, LOOP: |z - height| that counts as converged; 0: 1/256 */
+} conemap_trace_desc;
+
+typedef struct conemap_sample {
+    float height;
+    float tan;              /* of the interpolated cone */
+    float dhdu, dhdv;       /* slope of the bilinear cell */
+    float normal[3];        /* unit normal of the unit box's surface; scale dhdu, dhdv yourself for a depth */
+} conemap_sample;
+
+/* ======================================================================================================
+   B U I L D I N G
+   ====================================================================================================== */
+
+/* Builds a cone map.
+   desc: copied; desc->heights.pixels is read during the call only. map: overwritten, whatever it held.
+   Returns CONEMAP_OK, CONEMAP_CANCELLED or what is wrong; unless OK, *map is zeroed and nothing stays
+   allocated. Takes map memory, and scratch that is released at the end (conemap_memory tells both).
+   Thread-safe for different maps. Sources: see conemap_generator. */
+CONEMAP_API conemap_result conemap_build(const conemap_desc *desc, conemap_map *map);
+
+/* Releases what the map owns and zeroes it. Null and zeroed maps are fine. Caller-owned memory stays. */
+CONEMAP_API void conemap_free(conemap_map *map);
+
+/* The bytes that a build needs: for the map's life, and during the build. Checks the whole desc but the
+   heights' values. Either pointer may be null. */
+CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size);
+
+/* The same build in pieces, for a host's own job system:
+       conemap_begin(&desc, &map);
+       for (pass = 0; pass < conemap_pass_count(&map); ++pass)
+           for every job in 0 .. conemap_job_count(&map, pass) - 1, on any thread, in any order:
+               conemap_run_job(&map, pass, job);
+           // all jobs of a pass are done before the next pass begins
+       conemap_end(&map);
+   desc->heights.pixels must stay readable until the first pass is done. The bits do not depend on the split.
+   conemap_run_job is thread-safe for different jobs; it reports its own error, and conemap_end reports that of
+   the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error conemap_end (and
+   conemap_begin) frees the map. To give up early, call conemap_free. */
+CONEMAP_API conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map);
+CONEMAP_API int conemap_pass_count(const conemap_map *map);
+CONEMAP_API int conemap_job_count(const conemap_map *map, int pass);
+CONEMAP_API conemap_result conemap_run_job(conemap_map *map, int pass, int job);
+CONEMAP_API conemap_result conemap_end(conemap_map *map);
+
+/* ======================================================================================================
+   T E X T U R E S
+   ====================================================================================================== */
+
+/* The bytes of one row, and the texture's bytes at a row pitch (0: rows touch). 0 if map is null or empty, or
+   the pitch is below a row. The last row takes a whole pitch too. */
+CONEMAP_API size_t conemap_row_size(const conemap_map *map);
+CONEMAP_API size_t conemap_texture_size(const conemap_map *map, size_t row_pitch);
+
+/* Writes the texture, native byte order, into the caller's pixels. row_pitch: bytes from row to row, 0: rows
+   touch; bytes between rows stay as they were. Errors: NULL, STRIDE (pitch below a row), BUFFER. */
+CONEMAP_API conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
+                                                 size_t row_pitch);
+
+/* Bakes the info and the texture into bytes that any machine reads back (little-endian, rows touch).
+   conemap_save_size returns the bytes needed, 0 for a null or empty map. Errors: NULL, BUFFER. */
+CONEMAP_API size_t conemap_save_size(const conemap_map *map);
+CONEMAP_API conemap_result conemap_save(const conemap_map *map, void *bytes, size_t size);
+
+/* Reads the info of baked bytes, checking all of them but the texels. */
+CONEMAP_API conemap_result conemap_load_info(const void *bytes, size_t size, conemap_info *info);
+
+/* Loads baked bytes as a map to sample and trace; the bytes are copied.
+   desc: may be null; its allocator, memory and keep_pyramid are used, and its heights, if given, are compared
+   with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and those
+   of conemap_build; on any of them *map is zeroed. */
+CONEMAP_API conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
+                                        conemap_map *map);
+
+/* The tangent that a cone channel's value stands for, at a height. Any thread. */
+CONEMAP_API float conemap_decode(const conemap_info *info, float height, float stored);
+
+/* The numbers that graphics APIs give to a texture. */
+typedef struct conemap_format_numbers {
+    int channels, bytes;            /* of a texel */
+    unsigned dxgi, vulkan;          /* DXGI_FORMAT, VkFormat */
+    unsigned gl_internal, gl_format, gl_type;
+} conemap_format_numbers;
+CONEMAP_API conemap_result conemap_get_format_numbers(const conemap_texture *texture,
+                                                      conemap_format_numbers *numbers);
+
+/* ======================================================================================================
+   S A M P L I N G
+   ====================================================================================================== */
+
+/* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does.
+   On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
+   CONEMAP_NOTHING. Errors: NULL, POSITION. */
+CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
+
+/* ======================================================================================================
+   T R A C I N G
+   ====================================================================================================== */
+
+/* Traces `count` rays; hits[k] answers rays[k]. desc: null for the defaults.
+   A ray that is itself invalid gets CONEMAP_INVALID and the others are still traced; the result is that of the
+   first such ray. With an invalid desc, a null pointer or a negative count nothing is written.
+   Positions are single precision, relative to the point where the ray enters the map.
+   What each tracer promises is written beside conemap_tracer, and counted by the tests. */
+CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
+                                         const conemap_ray *rays, conemap_hit *hits, int count);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif /* CONEMAP_H */
+
+/* ####################################################################################################### */
+#if defined(CONEMAP_IMPLEMENTATION) && !defined(CONEMAP_IMPLEMENTED)
+#define CONEMAP_IMPLEMENTED
+
+#include <math.h> /* sqrtf */
+#include <string.h>
+#if defined(CONEMAP_MALLOC) != defined(CONEMAP_FREE)
+#error "define both CONEMAP_MALLOC and CONEMAP_FREE, or neither"
+#endif
+#ifndef CONEMAP_MALLOC
+#include <stdlib.h>
+#define CONEMAP_MALLOC(size) malloc(size)
+#define CONEMAP_FREE(pointer) free(pointer)
+#endif
+
+/* Fused multiply-add would change bits from one target to the next, so it is kept out. */
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__GNUC__)
+#pragma GCC push_options
+#pragma GCC optimize("fp-contract=off")
+#elif defined(_MSC_VER)
+#pragma fp_contract(off)
+#endif
+
+#if defined(__GNUC__) || defined(__clang__)
+#define CONEMAP__INLINE static inline __attribute__((always_inline))
+#define CONEMAP__UNUSED __attribute__((unused))
+#elif defined(_MSC_VER)
+#define CONEMAP__INLINE static __forceinline
+#define CONEMAP__UNUSED
+#else
+#define CONEMAP__INLINE static inline
+#define CONEMAP__UNUSED
+#endif
+
+#ifdef CONEMAP_STATIC
+#define CONEMAP__DEF CONEMAP__UNUSED static
+#elif defined(__cplusplus)
+#define CONEMAP__DEF extern "C"
+#else
+#define CONEMAP__DEF
+#endif
+
+/* ======================================================================================================
+   N U M E R I C S
+   ====================================================================================================== */
+
+#define CONEMAP__FAR 3.0e38f /* stands for infinity, which fast-math builds do not know */
+
+CONEMAP__DEF const char *conemap_result_string(conemap_result result) {
+#define CONEMAP__TEXT_ITEM(name, text) text,
+    static const char *const texts[] = {CONEMAP_RESULTS(CONEMAP__TEXT_ITEM)};
+#undef CONEMAP__TEXT_ITEM
+    int index = (int)result;
+    return index >= 0 && index < (int)CONEMAP_RESULT_COUNT ? texts[index] : "unknown result";
+}
+
+CONEMAP__INLINE uint32_t conemap__bits(float x) {
+    uint32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+CONEMAP__INLINE float conemap__from_bits(uint32_t bits) {
+    float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+/* By the bits, since fast-math builds assume that x == x. */
+CONEMAP__INLINE int conemap__finite(float x) {
+    return (conemap__bits(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+CONEMAP__INLINE int conemap__in_range(float x, float low, float high) {
+    return conemap__finite(x) && x >= low && x <= high;
+}
+
+CONEMAP__INLINE float conemap__min(float a, float b) { return a < b ? a : b; }
+CONEMAP__INLINE float conemap__max(float a, float b) { return a > b ? a : b; }
+CONEMAP__INLINE int conemap__mini(int a, int b) { return a < b ? a : b; }
+CONEMAP__INLINE int conemap__maxi(int a, int b) { return a > b ? a : b; }
+
+/* For |x| below 2^31. */
+CONEMAP__INLINE int conemap__floor(float x) {
+    int i = (int)x;
+    return i - (x < (float)i);
+}
+
+/* x - floor(x) for any finite x; numbers of 2^52 and more are whole. */
+static double conemap__fraction(double x) {
+    double whole;
+    if (x >= 4503599627370496.0 || x <= -4503599627370496.0) return 0.0;
+    whole = (double)(int64_t)x;
+    if (whole > x) whole -= 1.0;
+    return x - whole;
+}
+
+/* The power of two 2^e with 1 <= x 2^e < 2, for normal positive x. */
+static double conemap__normalising_power(double x) {
+    uint64_t bits;
+    double power;
+    memcpy(&bits, &x, sizeof bits);
+    bits = (2046u - ((bits >> 52) & 2047u)) << 52;
+    memcpy(&power, &bits, sizeof power);
+    return power;
+}
+
+static float conemap__half_to_float(uint32_t half) {
+    uint32_t sign = (half & 0x8000u) << 16, exponent = (half >> 10) & 31u, mantissa = half & 1023u;
+    if (exponent == 0) {
+        float tiny = (float)mantissa * (1.0f / 16777216.0f);
+        return sign ? -tiny : tiny;
+    }
+    return conemap__from_bits(sign | (exponent == 31 ? 0x7f800000u : (exponent + 112u) << 23) | mantissa << 13);
+}
+
+/* The largest half float at or below x, for 0 <= x <= 65504. */
+static uint32_t conemap__half_down(float x) {
+    if (x < 1.0f / 16384.0f) return (uint32_t)(x * 16777216.0f);
+    return (conemap__bits(x) >> 13) - (112u << 10);
+}
+
+/* Adds count * size bytes, rounded up to the alignment, to *total; 0 where size_t cannot hold it. */
+static int conemap__add_size(size_t *total, size_t count, size_t size) {
+    size_t bytes;
+    if (size != 0 && count > (SIZE_MAX - CONEMAP_ALIGNMENT) / size) return 0;
+    bytes = (count * size + CONEMAP_ALIGNMENT - 1) / CONEMAP_ALIGNMENT * CONEMAP_ALIGNMENT;
+    if (bytes > SIZE_MAX - *total) return 0;
+    *total += bytes;
+    return 1;
+}
+
+/* Word-wise FNV-1a; start from CONEMAP__HASH_START. */
+#define CONEMAP__HASH_START 0xcbf29ce484222325u
+CONEMAP__INLINE uint64_t conemap__hash(uint64_t hash, uint64_t word) {
+    return (hash ^ word) * 0x100000001b3u;
+}
+
+/* ======================================================================================================
+   S T O R A G E
+
+   A channel's value is kept as a float that its format holds exactly, just as a texture fetch returns it.
+   Its code is the bit pattern in the texture; codes of non-negative values are ordered as the values are.
+   ====================================================================================================== */
+
+static size_t conemap__format_size(conemap_format format) {
+    return format == CONEMAP_F32 ? 4u : format == CONEMAP_UNORM8 ? 1u : 2u;
+}
+
+CONEMAP__INLINE float conemap__value(conemap_format format, uint32_t code) {
+    switch (format) {
+    case CONEMAP_F16: return conemap__half_to_float(code);
+    case CONEMAP_UNORM16: return (float)code / 65535.0f;
+    case CONEMAP_UNORM8: return (float)code / 255.0f;
+    default: return conemap__from_bits(code);
+    }
+}
+
+/* The code of the largest value at or below x, for 0 <= x. Unorm formats hold at most 1. */
+static uint32_t conemap__code_down(conemap_format format, float x) {
+    uint32_t code;
+    switch (format) {
+    case CONEMAP_F16: return conemap__half_down(conemap__min(x, 65504.0f));
+    case CONEMAP_UNORM16: code = (uint32_t)(conemap__min(x, 1.0f) * 65535.0f); break;
+    case CONEMAP_UNORM8: code = (uint32_t)(conemap__min(x, 1.0f) * 255.0f); break;
+    default: return conemap__bits(x);
+    }
+    return code > 0 && conemap__value(format, code) > x ? code - 1 : code; /* the product may round up */
+}
+
+/* The code of the nearest value; unorm formats clamp to 0..1, halves to their finite range. */
+static uint32_t conemap__code_near(conemap_format format, float x) {
+    uint32_t sign = 0, code;
+    if (format == CONEMAP_F32) return conemap__bits(x);
+    if (x < 0.0f) {
+        if (format != CONEMAP_F16) return 0;
+        sign = 0x8000u;
+        x = -x;
+    }
+    code = conemap__code_down(format, x);
+    if (format == CONEMAP_F16) {
+        float below = x - conemap__half_to_float(code);
+        float above = code < 0x7bffu ? conemap__half_to_float(code + 1) - x : CONEMAP__FAR;
+        return sign | (below > above || (below == above && (code & 1u)) ? code + 1 : code);
+    }
+    return format == CONEMAP_UNORM8 ? (uint32_t)(conemap__min(x, 1.0f) * 255.0f + 0.5f)
+                                    : (uint32_t)(conemap__min(x, 1.0f) * 65535.0f + 0.5f);
+}
+
+CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigned char *bytes) {
+    uint32_t word;
+    uint16_t half;
+    switch (format) {
+    case CONEMAP_F32: memcpy(&word, bytes, 4); return word;
+    case CONEMAP_UNORM8: return bytes[0];
+    default: memcpy(&half, bytes, 2); return half;
+    }
+}
+
+static void conemap__write_code(conemap_format format, unsigned char *bytes, uint32_t code) {
+    uint16_t half = (uint16_t)(code & 0xffffu);
+    switch (format) {
+    case CONEMAP_F32: memcpy(bytes, &code, 4); break;
+    case CONEMAP_UNORM8: bytes[0] = (unsigned char)(code & 0xffu); break;
+    default: memcpy(bytes, &half, 2); break;
+    }
+}
+
+CONEMAP__INLINE float conemap__decode_tan(conemap_encoding encoding, float height, float stored) {
+    float top = 1.0f - height;
+    switch (encoding) {
+    case CONEMAP_SQRT: return stored * stored;
+    case CONEMAP_RADIUS: return top > 0.0f ? stored / top : 0.0f; /* at the very top no cone has any room */
+    default: return stored;
+    }
+}
+
+CONEMAP__DEF float conemap_decode(const conemap_info *info, float height, float stored) {
+    return info ? conemap__decode_tan(info->texture.encoding, height, stored) : 0.0f;
+}
+
+/* The widest stored value that decodes to no more than tan: rounding to nearest, as [Dum06] stores, widens. */
+static float conemap__store_cone(const conemap_texture *texture, float height, float tangent) {
+    float value = texture->encoding == CONEMAP_SQRT     ? sqrtf(tangent)
+                  : texture->encoding == CONEMAP_RADIUS ? (1.0f - height) * tangent
+                                                        : tangent;
+    uint32_t code = conemap__code_down(texture->format, value);
+    while (code > 0 &&
+           conemap__decode_tan(texture->encoding, height, conemap__value(texture->format, code)) > tangent)
+        --code;
+    return conemap__value(texture->format, code);
+}
+
+/* ======================================================================================================
+   P Y R A M I D
+
+   Level k holds maxima over blocks of 2^k x 2^k; sizes are halved and rounded up, so the last row or column
+   of blocks may be thinner and nothing is dropped.
+   ====================================================================================================== */
+
+CONEMAP__INLINE int conemap__repeat(int i, int size) {
+    i %= size;
+    return i < 0 ? i + size : i;
+}
+
+/* The texel that stands at index i of an axis, outside included. */
+CONEMAP__INLINE int conemap__texel_index(int i, int size, conemap_wrap wrap) {
+    if (wrap == CONEMAP_WRAP) return conemap__repeat(i, size);
+    return i < 0 ? 0 : i >= size ? size - 1 : i;
+}
+
+CONEMAP__INLINE float conemap__height(const conemap_map *map, int i, int j) {
+    return map->heights[(size_t)j * (size_t)map->info.width + (size_t)i];
+}
+
+/* Bilinear cell c of an axis lies between texel centres c - first and c - first + 1 (see CONVENTIONS). */
+CONEMAP__INLINE int conemap__first_cell(conemap_wrap wrap) { return wrap == CONEMAP_CLAMP ? 1 : 0; }
+CONEMAP__INLINE int conemap__cell_count(int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_CLAMP ? size + 1 : wrap == CONEMAP_WRAP ? size : size - 1;
+}
+
+/* A cell's corner heights: the patch h00 + hx x + hy y + hxy x y over 0..1 x 0..1. */
+typedef struct conemap__corners {
+    float h00, h10, h01, h11;
+} conemap__corners;
+
+/* The four texels around cell (i, j), whose lower corner is the centre of texel (i, j). */
+typedef struct conemap__quad {
+    size_t at00, at10, at01, at11;
+} conemap__quad;
+
+CONEMAP__INLINE conemap__quad conemap__cell_quad(const conemap_map *map, int i, int j) {
+    int w = map->info.width, h = map->info.height;
+    size_t i0 = (size_t)conemap__texel_index(i, w, map->info.wrap_u);
+    size_t i1 = (size_t)conemap__texel_index(i + 1, w, map->info.wrap_u);
+    size_t j0 = (size_t)conemap__texel_index(j, h, map->info.wrap_v) * (size_t)w;
+    size_t j1 = (size_t)conemap__texel_index(j + 1, h, map->info.wrap_v) * (size_t)w;
+    conemap__quad quad;
+    quad.at00 = j0 + i0;
+    quad.at10 = j0 + i1;
+    quad.at01 = j1 + i0;
+    quad.at11 = j1 + i1;
+    return quad;
+}
+
+CONEMAP__INLINE conemap__corners conemap__gather(const float *plane, conemap__quad quad) {
+    conemap__corners c;
+    c.h00 = plane[quad.at00];
+    c.h10 = plane[quad.at10];
+    c.h01 = plane[quad.at01];
+    c.h11 = plane[quad.at11];
+    return c;
+}
+
+CONEMAP__INLINE float conemap__highest(conemap__corners c) {
+    return conemap__max(conemap__max(c.h00, c.h10), conemap__max(c.h01, c.h11));
+}
+
+/* Interpolates along x, then y; off by about 1e-7 at most. */
+CONEMAP__INLINE float conemap__bilinear(conemap__corners c, float x, float y) {
+    float low = c.h00 + (c.h10 - c.h00) * x, high = c.h01 + (c.h11 - c.h01) * x;
+    return low + (high - low) * y;
+}
+
+static int conemap__levels(int width, int height) {
+    int levels = 1;
+    while (width > 1 || height > 1) {
+        width = (width + 1) / 2;
+        height = (height + 1) / 2;
+        ++levels;
+    }
+    return levels;
+}
+
+/* Fills in the sizes; adds the floats of levels 1 and up to *bytes, for the caller to hand out. */
+static int conemap__pyramid_plan(conemap_pyramid *pyramid, int width, int height, size_t *bytes) {
+    int k;
+    memset(pyramid, 0, sizeof *pyramid);
+    pyramid->levels = conemap__levels(width, height);
+    for (k = 0; k < pyramid->levels; ++k) {
+        pyramid->width[k] = width;
+        pyramid->height[k] = height;
+        if (k > 0 && !conemap__add_size(bytes, (size_t)width * (size_t)height, sizeof(float))) return 0;
+        width = (width + 1) / 2;
+        height = (height + 1) / 2;
+    }
+    return 1;
+}
+
+/* What level 0 holds: texels, or the maxima of bilinear cells, which are not stored. */
+CONEMAP__INLINE float conemap__level_value(const conemap_map *map, const conemap_pyramid *pyramid, int k, int x,
+                                           int y) {
+    if (pyramid->level[k]) return pyramid->level[k][(size_t)y * (size_t)pyramid->width[k] + (size_t)x];
+    return conemap__highest(
+        conemap__gather(map->heights, conemap__cell_quad(map, x - conemap__first_cell(map->info.wrap_u),
+                                                         y - conemap__first_cell(map->info.wrap_v))));
+}
+
+static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyramid, int k, int y0, int y1) {
+    int x, y;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < pyramid->width[k]; ++x) {
+            int right = conemap__mini(2 * x + 1, pyramid->width[k - 1] - 1);
+            int below = conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1);
+            conemap__corners c;
+            c.h00 = conemap__level_value(map, pyramid, k - 1, 2 * x, 2 * y);
+            c.h10 = conemap__level_value(map, pyramid, k - 1, right, 2 * y);
+            c.h01 = conemap__level_value(map, pyramid, k - 1, 2 * x, below);
+            c.h11 = conemap__level_value(map, pyramid, k - 1, right, below);
+            pyramid->level[k][(size_t)y * (size_t)pyramid->width[k] + (size_t)x] = conemap__highest(c);
+        }
+}
+
+/* The blocks of CONEMAP__STRIP rows of level 0 depend on nothing outside, up to this level. */
+#define CONEMAP__STRIP_LEVELS 6
+#define CONEMAP__STRIP (1 << CONEMAP__STRIP_LEVELS)
+
+static void conemap__pyramid_strip(const conemap_map *map, conemap_pyramid *pyramid, int strip) {
+    int k;
+    for (k = 1; k <= CONEMAP__STRIP_LEVELS && k < pyramid->levels; ++k) {
+        int rows = CONEMAP__STRIP >> k;
+        conemap__pyramid_rows(map, pyramid, k, strip * rows,
+                              conemap__mini((strip + 1) * rows, pyramid->height[k]));
+    }
+}
+
+static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyramid) {
+    int k;
+    for (k = CONEMAP__STRIP_LEVELS + 1; k < pyramid->levels; ++k)
+        conemap__pyramid_rows(map, pyramid, k, 0, pyramid->height[k]);
+}
+
+/* ======================================================================================================
+   G E N E R A T I O N
+
+   Every generator looks for s, the steepest squared slope dh^2 / d^2 from a texel to what limits its cone.
+   Each rounded operation in conemap__slope2 is monotone in dh, |di| and |dj|. So a bound for a whole region, from its
+   greatest height and its nearest offsets, is at least every rounded quotient inside it: searches that stop
+   or prune by such bounds return the same bits as one that visits everything.
+   ====================================================================================================== */
+
+/* Offsets from a texel within which everything that can limit its cone lies, both ends included. */
+typedef struct conemap__window {
+    int low_u, high_u, low_v, high_v;
+} conemap__window;
+
+/* With wrap the nearest image of a texel decides; relaxed cones look at one image on either side, because
+   what falls away seen from the left may rise seen from the right. */
+static void conemap__axis_window(int size, conemap_wrap wrap, int at, int both_sides, int *low, int *high) {
+    *low = wrap != CONEMAP_WRAP ? -at : both_sides ? 1 - size : -(size / 2);
+    *high = wrap != CONEMAP_WRAP ? size - 1 - at : both_sides ? size - 1 : size / 2;
+}
+
+static conemap__window conemap__texel_window(const conemap_map *map, int i, int j, int both_sides) {
+    conemap__window w;
+    conemap__axis_window(map->info.width, map->info.wrap_u, i, both_sides, &w.low_u, &w.high_u);
+    conemap__axis_window(map->info.height, map->info.wrap_v, j, both_sides, &w.low_v, &w.high_v);
+    return w;
+}
+
+/* fl(dh^2 / d^2) for offsets in texels. */
+CONEMAP__INLINE float conemap__slope2(const conemap_map *map, float dh, float di, float dj) {
+    float x = di * map->build.texel_u, y = dj * map->build.texel_v;
+    return dh * dh / (x * x + y * y);
+}
+
+/* Is vertex (k, l) on the edge of a cell that falls away from the apex at offset (-di, -dj)? [BV24 Algorithm 2]:
+   the cell behind it in the direction of flight has a side that falls, where behind a non-wrapping border
+   everything falls. A vertex straight ahead along an axis is the near corner of two cells. */
+static int conemap__falls_behind(const conemap_map *map, int k, int l, int di, int dj) {
+    int w = map->info.width, h = map->info.height, sx, sy;
+    for (sy = dj < 0 ? -1 : 1; sy >= (dj > 0 ? 1 : -1); sy -= 2)
+        for (sx = di < 0 ? -1 : 1; sx >= (di > 0 ? 1 : -1); sx -= 2) {
+            int k1 = k + sx, l1 = l + sy;
+            float h00, h10, h01, h11;
+            if (map->info.wrap_u == CONEMAP_WRAP) k1 = conemap__repeat(k1, w);
+            if (map->info.wrap_v == CONEMAP_WRAP) l1 = conemap__repeat(l1, h);
+            if (k1 < 0 || k1 >= w || l1 < 0 || l1 >= h) return 1;
+            h00 = conemap__height(map, k, l);
+            h10 = conemap__height(map, k1, l);
+            h01 = conemap__height(map, k, l1);
+            h11 = conemap__height(map, k1, l1);
+            if (h00 > h10 || h00 > h01 || h10 > h11 || h01 > h11) return 1;
+        }
+    return 0;
+}
+
+/* Bilinear height at texel coordinates, centres at whole numbers. */
+static float conemap__height_at(const conemap_map *map, float x, float y) {
+    int i = conemap__floor(x), j = conemap__floor(y);
+    return conemap__bilinear(conemap__gather(map->heights, conemap__cell_quad(map, i, j)), x - (float)i,
+                             y - (float)j);
+}
+
+/* [PO07] as [BV24] describes it: a ray falls from the top of the box above the apex onto the vertex and goes on
+   in equal steps to the floor; where it comes out of the surface again it limits the cone. */
+static float conemap__march(const conemap_map *map, int i, int j, int di, int dj, float apex, float height) {
+    int steps = map->build.desc.march_steps, k;
+    float drop = 1.0f - height, reach = (float)conemap__maxi(map->info.width, map->info.height);
+    /* Horizontal way from the vertex to the floor, as a multiple of the way to the vertex; a ray that skims
+       the top of the box would go on forever, so it ends with the map. */
+    float stretch = height <= drop * reach ? height / drop : reach;
+    for (k = 1; k <= steps; ++k) {
+        float f = (float)k / (float)steps, way = 1.0f + f * stretch;
+        float x = (float)di * way, y = (float)dj * way, z = height - f * stretch * drop;
+        float px = (float)i + x, py = (float)j + y;
+        int out = (map->info.wrap_u != CONEMAP_WRAP && (px < 0.0f || px > (float)(map->info.width - 1))) ||
+                  (map->info.wrap_v != CONEMAP_WRAP && (py < 0.0f || py > (float)(map->info.height - 1)));
+        if (z <= apex) return 0.0f;
+        if (out || conemap__height_at(map, px, py) < z) return conemap__slope2(map, z - apex, x, y);
+    }
+    return 0.0f;
+}
+
+/* The steeper of s and the slope to the texel at offset (di, dj), if that one limits the generator's cones. */
+CONEMAP__INLINE float conemap__visit(const conemap_map *map, conemap_generator generator, int i, int j, int di,
+                                     int dj, float apex, float s) {
+    int k = i + di, l = j + dj;
+    float height, dh, slope;
+    if (map->info.wrap_u == CONEMAP_WRAP) k = conemap__repeat(k, map->info.width);
+    if (map->info.wrap_v == CONEMAP_WRAP) l = conemap__repeat(l, map->info.height);
+    height = conemap__height(map, k, l);
+    dh = height - apex;
+    if (!(dh > 0.0f)) return s;
+    slope = conemap__slope2(map, dh, (float)di, (float)dj);
+    if (slope <= s) return s;
+    if (generator == CONEMAP_RELAXED && !conemap__falls_behind(map, k, l, di, dj)) return s;
+    if (generator == CONEMAP_RELAXED_SAMPLED)
+        return conemap__max(s, conemap__march(map, i, j, di, dj, apex, height));
+    return slope;
+}
+
+/* Ring search with early out [Dum06 Appendix B]: squares of growing radius, until not even a texel of height 1
+   on the next one could narrow the cone. Serves every generator that is defined by pairs of texels. */
+CONEMAP__INLINE float conemap__ring(const conemap_map *map, conemap_generator generator, int i, int j) {
+    conemap__window w = conemap__texel_window(map, i, j, generator != CONEMAP_RING);
+    float apex = conemap__height(map, i, j), s = map->build.least_slope2;
+    int r, d, last = conemap__maxi(conemap__maxi(-w.low_u, w.high_u), conemap__maxi(-w.low_v, w.high_v));
+    if (map->build.desc.ring_limit) last = conemap__mini(last, map->build.desc.ring_limit);
+    for (r = 1; r <= last; ++r) {
+        float room = 1.0f - apex;
+        if (conemap__max(conemap__slope2(map, room, (float)r, 0.0f),
+                         conemap__slope2(map, room, 0.0f, (float)r)) <= s)
+            break;
+        for (d = conemap__maxi(-r, w.low_u); d <= conemap__mini(r, w.high_u); ++d) {
+            if (-r >= w.low_v) s = conemap__visit(map, generator, i, j, d, -r, apex, s);
+            if (r <= w.high_v) s = conemap__visit(map, generator, i, j, d, r, apex, s);
+        }
+        for (d = conemap__maxi(1 - r, w.low_v); d <= conemap__mini(r - 1, w.high_v); ++d) {
+            if (-r >= w.low_u) s = conemap__visit(map, generator, i, j, -r, d, apex, s);
+            if (r <= w.high_u) s = conemap__visit(map, generator, i, j, r, d, apex, s);
+        }
+    }
+    return s;
+}
+
+/* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
+typedef struct conemap__blocks {
+    int node[3];         /* block numbers, wrapped */
+    int low[3], high[3]; /* offsets from the texel, both ends included, clipped to the window; empty: low > high */
+    float center[3];     /* offset of the middle of the whole block */
+} conemap__blocks;
+
+/* Blocks of the last row or column may be thin; each repetition of a wrapping map has its own. */
+static conemap__blocks conemap__axis_blocks(int size, conemap_wrap wrap, int at, int k, int low, int high) {
+    conemap__blocks b;
+    int own = at >> k, count = ((size - 1) >> k) + 1, side;
+    for (side = 0; side < 3; ++side) {
+        int node = own + side - 1, shift = 0, first, last;
+        if (node < 0 || node >= count) {
+            if (wrap != CONEMAP_WRAP) {
+                b.node[side] = 0;
+                b.low[side] = 1;
+                b.high[side] = 0;
+                b.center[side] = 0.0f;
+                continue;
+            }
+            shift = node < 0 ? -size : size;
+            node = node < 0 ? count - 1 : 0;
+        }
+        first = node * (1 << k) + shift - at;
+        last = conemap__mini((node + 1) * (1 << k), size) - 1 + shift - at;
+        b.node[side] = node;
+        b.center[side] = 0.5f * (float)(first + last);
+        b.low[side] = conemap__maxi(first, low);
+        b.high[side] = conemap__mini(last, high);
+    }
+    return b;
+}
+
+/* The block's nearest offset: of the side before the texel its end, of the side after its beginning. */
+CONEMAP__INLINE int conemap__nearest(const conemap__blocks *b, int side) {
+    return side == 0 ? b->high[0] : side == 2 ? b->low[2] : 0;
+}
+
+/* The same for the part beyond what coarser steps have seen, `seen` texels on that side; 0 when there is none. */
+CONEMAP__INLINE int conemap__nearest_unseen(const conemap__blocks *b, int side, int seen_low, int seen_high,
+                                            int *offset) {
+    if (side == 1) return 0;
+    *offset = side == 0 ? conemap__mini(b->high[0], seen_low - 1) : conemap__maxi(b->low[2], seen_high + 1);
+    return *offset >= b->low[side] && *offset <= b->high[side];
+}
+
+/* Quick cone maps [VB22]: from the finest level up, the 3x3 blocks around the texel, each with its maximum at
+   its closest point. Algorithm 1 takes the closest point of the whole block; Algorithm 2 of what finer levels have
+   not seen yet. That part of a diagonal block is an L: everything beyond the seen columns, or beyond the
+   seen rows, so its closest point is the nearer of those two corners (the published code takes the far corner
+   where both hold, which is not conservative). The centre heuristic takes the middle of the block. */
+static float conemap__quick(const conemap_map *map, int i, int j, int improved, int center) {
+    conemap__window w = conemap__texel_window(map, i, j, 0);
+    const conemap_pyramid *pyramid = &map->build.texels;
+    float apex = conemap__height(map, i, j), s = map->build.least_slope2;
+    int seen_low_u = 0, seen_high_u = 0, seen_low_v = 0, seen_high_v = 0, k, a, b;
+    for (k = 0; k < pyramid->levels; ++k) {
+        conemap__blocks u = conemap__axis_blocks(map->info.width, map->info.wrap_u, i, k, w.low_u, w.high_u);
+        conemap__blocks v = conemap__axis_blocks(map->info.height, map->info.wrap_v, j, k, w.low_v, w.high_v);
+        if (seen_low_u <= w.low_u && seen_high_u >= w.high_u && seen_low_v <= w.low_v && seen_high_v >= w.high_v)
+            break;
+        for (b = 0; b < 3; ++b)
+            for (a = 0; a < 3; ++a) {
+                int unseen_u = 0, unseen_v = 0, has_u, has_v;
+                float dh, slope = 0.0f;
+                if ((a == 1 && b == 1) || u.low[a] > u.high[a] || v.low[b] > v.high[b]) continue;
+                dh = conemap__level_value(map, pyramid, k, u.node[a], v.node[b]) - apex;
+                if (!(dh > 0.0f)) continue;
+                has_u = conemap__nearest_unseen(&u, a, seen_low_u, seen_high_u, &unseen_u);
+                has_v = conemap__nearest_unseen(&v, b, seen_low_v, seen_high_v, &unseen_v);
+                if (improved && !has_u && !has_v) continue;
+                if (center) {
+                    slope = conemap__slope2(map, dh, a == 1 ? 0.0f : u.center[a], b == 1 ? 0.0f : v.center[b]);
+                } else if (!improved) {
+                    slope = conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
+                                            (float)conemap__nearest(&v, b));
+                } else {
+                    if (has_u)
+                        slope = conemap__slope2(map, dh, (float)unseen_u, (float)conemap__nearest(&v, b));
+                    if (has_v)
+                        slope = conemap__max(slope, conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
+                                                                    (float)unseen_v));
+                }
+                s = conemap__max(s, slope);
+            }
+        seen_low_u = u.low[0] <= u.high[0] ? u.low[0] : u.low[1];
+        seen_high_u = u.low[2] <= u.high[2] ? u.high[2] : u.high[1];
+        seen_low_v = v.low[0] <= v.high[0] ? v.low[0] : v.low[1];
+        seen_high_v = v.low[2] <= v.high[2] ? v.high[2] : v.high[1];
+    }
+    return s;
+}
+
+/* 1 / sqrt(s), at most max_tan, and less 2^-20 of itself. The errors of texel_u, the products, the sum, the
+   quotient, the root and the division add up to less than 10 * 2^-24 of the tangent, so the result is never wider
+   than the true cone. */
+CONEMAP__INLINE float conemap__tangent(const conemap_map *map, float s) {
+    return conemap__min(1.0f / sqrtf(s) * 0.99999904632568359375f, map->info.max_tan);
+}
+
+static float conemap__generate(const conemap_map *map, int i, int j) {
+    switch (map->info.generator) {
+    case CONEMAP_RING: return conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
+    case CONEMAP_QUICK_NAIVE: return conemap__tangent(map, conemap__quick(map, i, j, 0, 0));
+    case CONEMAP_QUICK_NAIVE_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 0, 1));
+    case CONEMAP_QUICK_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 1, 1));
+    case CONEMAP_RELAXED: return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
+    case CONEMAP_RELAXED_SAMPLED:
+        return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED_SAMPLED, i, j));
+    case CONEMAP_HYBRID: {
+        /* [CHRS17] puts a cone between the conservative and the relaxed one; the weight says where. */
+        float narrow = conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
+        float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
+        return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
+    }
+    default: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
+    }
+}
+
+/* The narrowest cone of the 3x3 block around a texel [BV24 eq. 2]. */
+static float conemap__narrowest(const conemap_map *map, const float *cones, int i, int j) {
+    float least = CONEMAP__FAR;
+    int a, b;
+    for (b = -1; b <= 1; ++b)
+        for (a = -1; a <= 1; ++a) {
+            int x = conemap__texel_index(i + a, map->info.width, map->info.wrap_u);
+            int y = conemap__texel_index(j + b, map->info.height, map->info.wrap_v);
+            least = conemap__min(least, cones[(size_t)y * (size_t)map->info.width + (size_t)x]);
+        }
+    return least;
+}
+
+/* ======================================================================================================
+   B U I L D   P A S S E S
+   ====================================================================================================== */
+
+enum {
+    CONEMAP__PASS_DECODE, /* strips: heights read, checked, quantised */
+    CONEMAP__PASS_STRIPS, /* strips: maxima over texels, low levels */
+    CONEMAP__PASS_TOP,    /* one job: the levels above */
+    CONEMAP__PASS_CONES,  /* bands: the generator */
+    CONEMAP__PASS_STORE,  /* bands: correction and rounding to the format */
+    CONEMAP__PASS_CELLS,  /* strips: maxima over cells, low levels */
+    CONEMAP__PASS_CELLS_TOP,
+    CONEMAP__PASS_COUNT
+};
+
+#define CONEMAP__BAND 8 /* rows of a cone job */
+
+static int conemap__is_quick(conemap_generator generator) {
+    return generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
+           generator == CONEMAP_QUICK_CENTER || generator == CONEMAP_QUICK_NAIVE_CENTER;
+}
+
+static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
+    switch (desc->generator) {
+    case CONEMAP_QUICK_NAIVE:
+    case CONEMAP_QUICK: return CONEMAP_GUARANTEE_VERTEX;
+    case CONEMAP_RING: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_VERTEX;
+    case CONEMAP_RELAXED:
+    case CONEMAP_HYBRID: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_RELAXED;
+    default: return CONEMAP_GUARANTEE_NONE;
+    }
+}
+
+#define CONEMAP__KNOWN(value, count) ((int)(value) >= 0 && (int)(value) < (int)(count))
+
+static conemap_result conemap__check_texture(const conemap_texture *texture) {
+    return CONEMAP__KNOWN(texture->format, CONEMAP_FORMAT_COUNT) &&
+                   CONEMAP__KNOWN(texture->encoding, CONEMAP_ENCODING_COUNT) &&
+                   CONEMAP__KNOWN(texture->layout, CONEMAP_LAYOUT_COUNT)
+               ? CONEMAP_OK
+               : CONEMAP_ERROR_ENUM;
+}
+
+/* Checks a heightmap desc and writes its defaults out. */
+static conemap_result conemap__resolve_heights(conemap_heights *h) {
+    ptrdiff_t row, stride;
+    if (!h->pixels) return CONEMAP_ERROR_NULL;
+    if (h->width < 1 || h->height < 1 || h->width > CONEMAP_MAX_SIZE || h->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
+    if (!CONEMAP__KNOWN(h->format, CONEMAP_FORMAT_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (h->pixel_stride == 0) h->pixel_stride = (ptrdiff_t)conemap__format_size(h->format);
+    if (h->pixel_stride < (ptrdiff_t)conemap__format_size(h->format)) return CONEMAP_ERROR_STRIDE;
+    if (h->pixel_stride > PTRDIFF_MAX / h->width) return CONEMAP_ERROR_OVERFLOW;
+    row = h->pixel_stride * (h->width - 1) + (ptrdiff_t)conemap__format_size(h->format);
+    if (h->row_stride == 0) h->row_stride = h->pixel_stride * h->width;
+    if (h->row_stride < -PTRDIFF_MAX) return CONEMAP_ERROR_OVERFLOW;
+    stride = h->row_stride < 0 ? -h->row_stride : h->row_stride;
+    if (h->height > 1 && stride < row) return CONEMAP_ERROR_STRIDE;
+    if (stride > (PTRDIFF_MAX - row) / h->height) return CONEMAP_ERROR_OVERFLOW;
+    return CONEMAP_OK;
+}
+
+/* Checks a desc, apart from what the heights hold, and writes its defaults out. */
+static conemap_result conemap__resolve(conemap_desc *desc) {
+    conemap_result result = conemap__resolve_heights(&desc->heights);
+    if (result != CONEMAP_OK) return result;
+    if (!CONEMAP__KNOWN(desc->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(desc->wrap_v, CONEMAP_WRAP_COUNT) ||
+        !CONEMAP__KNOWN(desc->generator, CONEMAP_GENERATOR_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    result = conemap__check_texture(&desc->texture);
+    if (result != CONEMAP_OK) return result;
+    if (desc->aspect == 0.0f) desc->aspect = 1.0f;
+    if (desc->max_tan == 0.0f) desc->max_tan = 1.0f;
+    if (desc->hybrid_weight == 0.0f) desc->hybrid_weight = 0.5f;
+    if (desc->march_steps == 0) desc->march_steps = 64;
+    if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_QUICK;
+    if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
+        !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
+        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || desc->march_steps < 0 ||
+        desc->march_steps > 65536 || desc->ring_limit < 0)
+        return CONEMAP_ERROR_PARAMETER;
+    if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (desc->heights.width == 1 && desc->wrap_u == CONEMAP_NOTHING) desc->wrap_u = CONEMAP_CLAMP;
+    if (desc->heights.height == 1 && desc->wrap_v == CONEMAP_NOTHING) desc->wrap_v = CONEMAP_CLAMP;
+    return CONEMAP_OK;
+}
+
+/* Fills in the map's info, passes and pyramid sizes, and says how many bytes its planes take. */
+static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, size_t *memory_size,
+                                    size_t *scratch_size) {
+    int w = desc->heights.width, h = desc->heights.height, pass, *jobs = map->build.pass_jobs;
+    int strips, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND;
+    size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0;
+    conemap_info *info = &map->info;
+    info->width = w;
+    info->height = h;
+    info->wrap_u = desc->wrap_u;
+    info->wrap_v = desc->wrap_v;
+    info->aspect = desc->aspect;
+    info->max_tan = desc->max_tan;
+    info->texture = desc->texture;
+    info->generator = desc->generator;
+    info->guarantee = conemap__guarantee_of(desc);
+    info->min3x3 = desc->min3x3 != 0;
+    map->build.desc = *desc;
+    map->build.allocator = desc->allocator;
+    map->build.texel_u = 1.0f / (float)w;
+    map->build.texel_v = desc->aspect / (float)h;
+    map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan);
+    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
+    strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
+    jobs[CONEMAP__PASS_DECODE] = strips;
+    jobs[CONEMAP__PASS_CONES] = bands;
+    jobs[CONEMAP__PASS_STORE] = bands;
+    if (desc->keep_pyramid) {
+        int cells_u = conemap__cell_count(w, desc->wrap_u), cells_v = conemap__cell_count(h, desc->wrap_v);
+        if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, &memory)) return CONEMAP_ERROR_OVERFLOW;
+        jobs[CONEMAP__PASS_CELLS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
+        jobs[CONEMAP__PASS_CELLS_TOP] = 1;
+    }
+    if (conemap__is_quick(desc->generator)) {
+        if (!conemap__pyramid_plan(&map->build.texels, w, h, &scratch)) return CONEMAP_ERROR_OVERFLOW;
+        jobs[CONEMAP__PASS_STRIPS] = strips;
+        jobs[CONEMAP__PASS_TOP] = 1;
+    }
+    if (desc->min3x3 && !conemap__add_size(&scratch, texels, sizeof(float))) return CONEMAP_ERROR_OVERFLOW;
+    for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
+    if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
+    *memory_size = memory;
+    *scratch_size = scratch;
+    return CONEMAP_OK;
+}
+
+static conemap_result conemap__take(const conemap_allocator *allocator, void *given, size_t given_size,
+                                    size_t size, void **memory, int *owns) {
+    *memory = given;
+    *owns = 0;
+    if (given) {
+        if ((uintptr_t)given % CONEMAP_ALIGNMENT != 0) return CONEMAP_ERROR_ALIGNMENT;
+        return given_size < size ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
+    }
+    *memory = allocator->allocate ? allocator->allocate(size, allocator->user) : CONEMAP_MALLOC(size);
+    *owns = *memory != NULL;
+    if (!*memory) return CONEMAP_ERROR_MEMORY;
+    return (uintptr_t)*memory % CONEMAP_ALIGNMENT != 0 ? CONEMAP_ERROR_ALIGNMENT : CONEMAP_OK;
+}
+
+static void conemap__release(const conemap_allocator *allocator, void *memory, int owns) {
+    if (!owns) return;
+    if (allocator->release)
+        allocator->release(memory, allocator->user);
+    else
+        CONEMAP_FREE(memory);
+}
+
+static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
+    void *piece = *cursor;
+    *cursor += (count * size + CONEMAP_ALIGNMENT - 1) / CONEMAP_ALIGNMENT * CONEMAP_ALIGNMENT;
+    return piece;
+}
+
+static void conemap__cut_pyramid(conemap_pyramid *pyramid, unsigned char **cursor) {
+    int k;
+    for (k = 1; k < pyramid->levels; ++k)
+        pyramid->level[k] = (float *)conemap__cut(
+            cursor, (size_t)pyramid->width[k] * (size_t)pyramid->height[k], sizeof(float));
+}
+
+CONEMAP__DEF void conemap_free(conemap_map *map) {
+    if (!map) return;
+    conemap__release(&map->build.allocator, map->build.memory, map->build.owns_memory);
+    conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
+    memset(map, 0, sizeof *map);
+}
+
+/* Takes memory for a planned map and cuts it up in the order in which conemap__plan counted. */
+static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, size_t scratch_size) {
+    const conemap_desc *desc = &map->build.desc;
+    size_t texels = (size_t)map->info.width * (size_t)map->info.height;
+    unsigned char *cursor;
+    conemap_result result = conemap__take(&map->build.allocator, desc->memory, desc->memory_size, memory_size,
+                                          &map->build.memory, &map->build.owns_memory);
+    if (result == CONEMAP_OK && scratch_size > 0)
+        result = conemap__take(&map->build.allocator, desc->scratch, desc->scratch_size, scratch_size,
+                               &map->build.scratch, &map->build.owns_scratch);
+    if (result != CONEMAP_OK) return result;
+    map->memory_size = memory_size;
+    cursor = (unsigned char *)map->build.memory;
+    map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    conemap__cut_pyramid(&map->cells, &cursor);
+    if (scratch_size > 0) {
+        cursor = (unsigned char *)map->build.scratch;
+        conemap__cut_pyramid(&map->build.texels, &cursor);
+        map->build.texels.level[0] = map->build.heights;
+        map->build.plane = desc->min3x3 ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
+        map->build.job_results = cursor;
+        memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
+    }
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size) {
+    conemap_map map;
+    conemap_desc resolved;
+    conemap_result result;
+    size_t memory = 0, scratch = 0;
+    if (!desc) return CONEMAP_ERROR_NULL;
+    memset(&map, 0, sizeof map);
+    resolved = *desc;
+    result = conemap__resolve(&resolved);
+    if (result == CONEMAP_OK) result = conemap__plan(&map, &resolved, &memory, &scratch);
+    if (result != CONEMAP_OK) return result;
+    if (memory_size) *memory_size = memory;
+    if (scratch_size) *scratch_size = scratch;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map) {
+    conemap_desc resolved;
+    conemap_result result;
+    size_t memory_size, scratch_size;
+    if (!map) return CONEMAP_ERROR_NULL;
+    memset(map, 0, sizeof *map);
+    if (!desc) return CONEMAP_ERROR_NULL;
+    resolved = *desc;
+    result = conemap__resolve(&resolved);
+    if (result == CONEMAP_OK) result = conemap__plan(map, &resolved, &memory_size, &scratch_size);
+    if (result == CONEMAP_OK) result = conemap__allocate(map, memory_size, scratch_size);
+    if (result != CONEMAP_OK) conemap_free(map);
+    return result;
+}
+
+CONEMAP__DEF int conemap_pass_count(const conemap_map *map) {
+    return map && map->build.job_results ? (int)CONEMAP__PASS_COUNT : 0;
+}
+
+CONEMAP__DEF int conemap_job_count(const conemap_map *map, int pass) {
+    return pass >= 0 && pass < conemap_pass_count(map) ? map->build.pass_jobs[pass] : 0;
+}
+
+/* Reads rows of the caller's heights as the texture will hold them. */
+static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
+    int x, y;
+    for (y = y0; y < y1; ++y) {
+        const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
+        float *row = map->build.heights + (size_t)y * (size_t)map->info.width;
+        for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
+            float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
+            if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
+            value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
+            if (map->info.texture.layout != CONEMAP_CONE_ONLY)
+                value = conemap__value(map->info.texture.format,
+                                       conemap__code_near(map->info.texture.format, value));
+            row[x] = value;
+        }
+    }
+    return CONEMAP_OK;
+}
+
+/* Tells the host how far the build is: almost all of the work is in the cones. */
+static conemap_result conemap__report(const conemap_map *map, int pass, double done_rows) {
+    const conemap_desc *desc = &map->build.desc;
+    double cones = done_rows / (double)map->info.height, done;
+    if (!desc->progress) return CONEMAP_OK;
+    done = pass < CONEMAP__PASS_CONES    ? 0.01 * (double)(pass + 1)
+           : pass == CONEMAP__PASS_CONES ? 0.04 + 0.92 * cones
+                                         : 0.96 + 0.01 * (double)(pass - CONEMAP__PASS_CONES);
+    return desc->progress(done, desc->progress_user) ? CONEMAP_CANCELLED : CONEMAP_OK;
+}
+
+static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
+    int x, y, w = map->info.width;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < w; ++x) {
+            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y);
+            if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
+                conemap_result result =
+                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
+static void conemap__store_rows(conemap_map *map, int y0, int y1) {
+    int x, y;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < map->info.width; ++x) {
+            size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
+            float tangent = map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y) : map->build.plane[at];
+            map->build.cones[at] = conemap__store_cone(&map->info.texture, map->heights[at], tangent);
+        }
+}
+
+/* Where a pass keeps the results of its jobs: 0 is not run, else 1 + result. */
+static unsigned char *conemap__job_slots(const conemap_map *map, int pass) {
+    unsigned char *slots = map->build.job_results;
+    int p;
+    for (p = 0; p < pass; ++p) slots += map->build.pass_jobs[p];
+    return slots;
+}
+
+CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job) {
+    conemap_result result = CONEMAP_OK;
+    int h;
+    if (!map) return CONEMAP_ERROR_NULL;
+    if (job < 0 || job >= conemap_job_count(map, pass)) return CONEMAP_ERROR_ORDER;
+    h = map->info.height;
+    switch (pass) {
+    case CONEMAP__PASS_DECODE:
+        result = conemap__decode_rows(map, &map->build.desc.heights, job * CONEMAP__STRIP,
+                                      conemap__mini((job + 1) * CONEMAP__STRIP, h));
+        break;
+    case CONEMAP__PASS_STRIPS: conemap__pyramid_strip(map, &map->build.texels, job); break;
+    case CONEMAP__PASS_TOP: conemap__pyramid_top(map, &map->build.texels); break;
+    case CONEMAP__PASS_CONES:
+        result = conemap__cone_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
+        break;
+    case CONEMAP__PASS_STORE:
+        conemap__store_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
+        break;
+    case CONEMAP__PASS_CELLS: conemap__pyramid_strip(map, &map->cells, job); break;
+    default: conemap__pyramid_top(map, &map->cells); break;
+    }
+    if (result == CONEMAP_OK && pass != CONEMAP__PASS_CONES) result = conemap__report(map, pass, 0.0);
+    conemap__job_slots(map, pass)[job] = (unsigned char)(1 + (int)result);
+    return result;
+}
+
+static uint64_t conemap__hash_heights(const conemap_map *map) {
+    size_t count = (size_t)map->info.width * (size_t)map->info.height, k;
+    uint64_t hash = conemap__hash(CONEMAP__HASH_START, (uint64_t)map->info.width);
+    hash = conemap__hash(hash, (uint64_t)map->info.height);
+    for (k = 0; k < count; ++k) hash = conemap__hash(hash, conemap__bits(map->heights[k]));
+    return hash;
+}
+
+/* The result of the first job in a pass that is not done well. */
+static conemap_result conemap__pass_result(const conemap_map *map, int pass) {
+    const unsigned char *slots = conemap__job_slots(map, pass);
+    int job;
+    for (job = 0; job < map->build.pass_jobs[pass]; ++job)
+        if (slots[job] != 1 + (int)CONEMAP_OK)
+            return slots[job] == 0 ? CONEMAP_ERROR_ORDER : (conemap_result)(slots[job] - 1);
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
+    int pass;
+    if (!map) return CONEMAP_ERROR_NULL;
+    if (!map->build.job_results) return CONEMAP_ERROR_ORDER;
+    for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) {
+        conemap_result result = conemap__pass_result(map, pass);
+        if (result != CONEMAP_OK) {
+            conemap_free(map);
+            return result;
+        }
+    }
+    map->info.height_hash = conemap__hash_heights(map);
+    conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
+    map->build.scratch = NULL;
+    map->build.owns_scratch = 0;
+    map->build.job_results = NULL;
+    map->build.plane = NULL;
+    memset(&map->build.texels, 0, sizeof map->build.texels);
+    memset(&map->build.desc, 0, sizeof map->build.desc);
+    return CONEMAP_OK;
+}
+
+/* A pass as a host's parallel_for sees it. */
+typedef struct conemap__pass {
+    conemap_map *map;
+    int pass;
+} conemap__pass;
+
+static void conemap__pass_job(void *context, int index) {
+    const conemap__pass *pass = (const conemap__pass *)context;
+    (void)conemap_run_job(pass->map, pass->pass, index); /* kept in job_results, for conemap_end */
+}
+
+CONEMAP__DEF conemap_result conemap_build(const conemap_desc *desc, conemap_map *map) {
+    conemap__pass pass;
+    int job, count;
+    conemap_result result = conemap_begin(desc, map);
+    if (result != CONEMAP_OK) return result;
+    pass.map = map;
+    for (pass.pass = 0; result == CONEMAP_OK && pass.pass < CONEMAP__PASS_COUNT; ++pass.pass) {
+        count = map->build.pass_jobs[pass.pass];
+        if (desc->parallel_for && count > 1) {
+            desc->parallel_for(count, conemap__pass_job, &pass, desc->parallel_user);
+            result = conemap__pass_result(map, pass.pass);
+        } else {
+            for (job = 0; result == CONEMAP_OK && job < count; ++job)
+                result = conemap_run_job(map, pass.pass, job);
+        }
+    }
+    return conemap_end(map);
+}
+
+/* ======================================================================================================
+   F I L E S
+
+   Baked bytes: "CONEMAP" and a zero byte, CONEMAP__FILE_WORDS little-endian words (the info, hashes of the heights
+   and of the texels, and last the hash of all words before it), then the texels, little-endian, rows touching.
+   ====================================================================================================== */
+
+#define CONEMAP__FILE_WORDS 22
+#define CONEMAP__FILE_HEADER (8u + 4u * CONEMAP__FILE_WORDS)
+
+static const char conemap__file_magic[8] = {'C', 'O', 'N', 'E', 'M', 'A', 'P', 0};
+
+static int conemap__channels(conemap_layout layout) {
+    return layout == CONEMAP_CONE_ONLY ? 1 : layout == CONEMAP_DUMMER ? 4 : 2;
+}
+
+static size_t conemap__row_size(const conemap_info *info) {
+    return (size_t)info->width * (size_t)conemap__channels(info->texture.layout) *
+           conemap__format_size(info->texture.format);
+}
+
+CONEMAP__DEF size_t conemap_row_size(const conemap_map *map) {
+    return map && map->heights ? conemap__row_size(&map->info) : 0;
+}
+
+CONEMAP__DEF size_t conemap_texture_size(const conemap_map *map, size_t row_pitch) {
+    size_t row = conemap_row_size(map);
+    if (row_pitch == 0) row_pitch = row;
+    if (row == 0 || row_pitch < row || row_pitch > SIZE_MAX / (size_t)map->info.height) return 0;
+    return row_pitch * (size_t)map->info.height;
+}
+
+/* Height difference per texel along an axis: central, one-sided at a border that does not wrap. [Dum06] halves
+   the one-sided difference as well, which flattens the normals along borders. */
+static float conemap__difference(const conemap_map *map, int i, int j, int along_v) {
+    int size = along_v ? map->info.height : map->info.width, at = along_v ? j : i;
+    conemap_wrap wrap = along_v ? map->info.wrap_v : map->info.wrap_u;
+    int before = conemap__texel_index(at - 1, size, wrap), after = conemap__texel_index(at + 1, size, wrap);
+    float difference = along_v ? conemap__height(map, i, after) - conemap__height(map, i, before)
+                               : conemap__height(map, after, j) - conemap__height(map, before, j);
+    int steps = wrap == CONEMAP_WRAP ? 2 : after - before;
+    return steps > 1 ? 0.5f * difference : difference;
+}
+
+static void conemap__put_word(unsigned char *bytes, uint32_t word) {
+    int k;
+    for (k = 0; k < 4; ++k) bytes[k] = (unsigned char)(word >> (8 * k) & 0xffu);
+}
+
+static uint32_t conemap__get_word(const unsigned char *bytes) {
+    return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+}
+
+/* Turns codes in native byte order into little-endian ones, or back; does nothing on little-endian machines. */
+static void conemap__swap_row(unsigned char *bytes, size_t size, size_t code_size) {
+    const uint16_t probe = 1;
+    size_t k, b;
+    if (*(const unsigned char *)&probe == 1) return;
+    for (k = 0; k < size; k += code_size)
+        for (b = 0; b < code_size / 2; ++b) {
+            unsigned char byte = bytes[k + b];
+            bytes[k + b] = bytes[k + code_size - 1 - b];
+            bytes[k + code_size - 1 - b] = byte;
+        }
+}
+
+static void conemap__write_row(const conemap_map *map, int y, unsigned char *bytes) {
+    const conemap_texture *texture = &map->info.texture;
+    size_t step = conemap__format_size(texture->format);
+    int x, c, channels = conemap__channels(texture->layout);
+    for (x = 0; x < map->info.width; ++x) {
+        size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
+        float values[4];
+        c = 0;
+        if (texture->layout != CONEMAP_CONE_ONLY) values[c++] = map->heights[at];
+        values[c++] = map->cones[at];
+        if (texture->layout == CONEMAP_DUMMER) {
+            float dv = conemap__difference(map, x, y, 1);
+            values[c++] = 0.5f + conemap__difference(map, x, y, 0);
+            values[c++] = texture->flip_dv ? 0.5f - dv : 0.5f + dv;
+        }
+        for (c = 0; c < channels; ++c, bytes += step)
+            conemap__write_code(texture->format, bytes, conemap__code_near(texture->format, values[c]));
+    }
+}
+
+CONEMAP__DEF conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
+                                                  size_t row_pitch) {
+    size_t row, needed;
+    int y;
+    if (!map || !map->heights || !pixels) return CONEMAP_ERROR_NULL;
+    row = conemap_row_size(map);
+    if (row_pitch == 0) row_pitch = row;
+    if (row_pitch < row) return CONEMAP_ERROR_STRIDE;
+    needed = conemap_texture_size(map, row_pitch);
+    if (needed == 0) return CONEMAP_ERROR_OVERFLOW;
+    if (size < needed) return CONEMAP_ERROR_BUFFER;
+    for (y = 0; y < map->info.height; ++y)
+        conemap__write_row(map, y, (unsigned char *)pixels + (size_t)y * row_pitch);
+    return CONEMAP_OK;
+}
+
+static uint64_t conemap__hash_bytes(const unsigned char *bytes, size_t size) {
+    uint64_t hash = CONEMAP__HASH_START;
+    size_t k;
+    for (k = 0; k + 4 <= size; k += 4) hash = conemap__hash(hash, conemap__get_word(bytes + k));
+    for (; k < size; ++k) hash = conemap__hash(hash, bytes[k]);
+    return hash;
+}
+
+CONEMAP__DEF size_t conemap_save_size(const conemap_map *map) {
+    size_t texels = conemap_texture_size(map, 0);
+    return texels == 0 || texels > SIZE_MAX - CONEMAP__FILE_HEADER ? 0 : texels + CONEMAP__FILE_HEADER;
+}
+
+CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, size_t size) {
+    unsigned char *out = (unsigned char *)bytes, *texels;
+    uint32_t words[CONEMAP__FILE_WORDS];
+    const conemap_info *info;
+    uint64_t data_hash;
+    size_t row;
+    int k;
+    if (!map || !map->heights || !bytes) return CONEMAP_ERROR_NULL;
+    if (conemap_save_size(map) == 0) return CONEMAP_ERROR_OVERFLOW;
+    if (size < conemap_save_size(map)) return CONEMAP_ERROR_BUFFER;
+    info = &map->info;
+    texels = out + CONEMAP__FILE_HEADER;
+    row = conemap_row_size(map);
+    for (k = 0; k < info->height; ++k) {
+        conemap__write_row(map, k, texels + (size_t)k * row);
+        conemap__swap_row(texels + (size_t)k * row, row, conemap__format_size(info->texture.format));
+    }
+    data_hash = conemap__hash_bytes(texels, row * (size_t)info->height);
+    words[0] = CONEMAP_VERSION;
+    words[1] = CONEMAP__FILE_HEADER;
+    words[2] = (uint32_t)info->width;
+    words[3] = (uint32_t)info->height;
+    words[4] = (uint32_t)info->wrap_u;
+    words[5] = (uint32_t)info->wrap_v;
+    words[6] = conemap__bits(info->aspect);
+    words[7] = conemap__bits(info->max_tan);
+    words[8] = (uint32_t)info->texture.format;
+    words[9] = (uint32_t)info->texture.encoding;
+    words[10] = (uint32_t)info->texture.layout;
+    words[11] = info->texture.flip_dv != 0;
+    words[12] = (uint32_t)info->generator;
+    words[13] = (uint32_t)info->guarantee;
+    words[14] = info->min3x3 != 0;
+    words[15] = words[16] = 0;
+    words[17] = (uint32_t)(info->height_hash & 0xffffffffu);
+    words[18] = (uint32_t)(info->height_hash >> 32);
+    words[19] = (uint32_t)(data_hash & 0xffffffffu);
+    words[20] = (uint32_t)(data_hash >> 32);
+    memcpy(out, conemap__file_magic, 8);
+    for (k = 0; k < CONEMAP__FILE_WORDS - 1; ++k) conemap__put_word(out + 8 + 4 * k, words[k]);
+    conemap__put_word(out + 8 + 4 * k,
+                      (uint32_t)(conemap__hash_bytes(out, CONEMAP__FILE_HEADER - 4u) & 0xffffffffu));
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, conemap_info *info) {
+    const unsigned char *in = (const unsigned char *)bytes;
+    uint32_t words[CONEMAP__FILE_WORDS];
+    conemap_info read;
+    size_t row;
+    int k;
+    if (!bytes || !info) return CONEMAP_ERROR_NULL;
+    for (k = 0; k < 8; ++k) {
+        if (size <= (size_t)k) return k == 0 ? CONEMAP_ERROR_FILE_FORMAT : CONEMAP_ERROR_FILE_TRUNCATED;
+        if (in[k] != (unsigned char)conemap__file_magic[k]) return CONEMAP_ERROR_FILE_FORMAT;
+    }
+    if (size < 12u) return CONEMAP_ERROR_FILE_TRUNCATED;
+    if (conemap__get_word(in + 8) != CONEMAP_VERSION) return CONEMAP_ERROR_FILE_VERSION;
+    if (size < CONEMAP__FILE_HEADER) return CONEMAP_ERROR_FILE_TRUNCATED;
+    for (k = 0; k < CONEMAP__FILE_WORDS; ++k) words[k] = conemap__get_word(in + 8 + 4 * k);
+    if (words[1] != CONEMAP__FILE_HEADER ||
+        words[k - 1] != (uint32_t)(conemap__hash_bytes(in, CONEMAP__FILE_HEADER - 4u) & 0xffffffffu))
+        return CONEMAP_ERROR_FILE_CORRUPT;
+    /* The checksum held, but whoever wrote it may have been wrong: nothing is used unchecked. */
+    if (words[2] < 1 || words[3] < 1 || words[2] > CONEMAP_MAX_SIZE || words[3] > CONEMAP_MAX_SIZE ||
+        words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
+        words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
+        words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] >= CONEMAP_GUARANTEE_COUNT ||
+        words[14] > 1)
+        return CONEMAP_ERROR_FILE_CORRUPT;
+    memset(&read, 0, sizeof read);
+    read.width = (int)words[2];
+    read.height = (int)words[3];
+    read.wrap_u = (conemap_wrap)words[4];
+    read.wrap_v = (conemap_wrap)words[5];
+    read.aspect = conemap__from_bits(words[6]);
+    read.max_tan = conemap__from_bits(words[7]);
+    read.texture.format = (conemap_format)words[8];
+    read.texture.encoding = (conemap_encoding)words[9];
+    read.texture.layout = (conemap_layout)words[10];
+    read.texture.flip_dv = (int)words[11];
+    read.generator = (conemap_generator)words[12];
+    read.guarantee = (conemap_guarantee)words[13];
+    read.min3x3 = (int)words[14];
+    read.height_hash = (uint64_t)words[18] << 32 | words[17];
+    if (!conemap__in_range(read.aspect, 1.0f / 32768.0f, 32768.0f) ||
+        !conemap__in_range(read.max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
+        (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
+        return CONEMAP_ERROR_FILE_CORRUPT;
+    row = conemap__row_size(&read);
+    if ((size - CONEMAP__FILE_HEADER) / row < (size_t)read.height) return CONEMAP_ERROR_FILE_TRUNCATED;
+    *info = read;
+    return CONEMAP_OK;
+}
+
+/* Reads the texels of baked bytes into the map's planes; heights only where the bytes hold them. */
+static conemap_result conemap__load_texels(conemap_map *map, const unsigned char *texels, int heights_too) {
+    const conemap_texture *texture = &map->info.texture;
+    int x, y, cone_channel = texture->layout == CONEMAP_CONE_ONLY ? 0 : 1;
+    size_t step = conemap__format_size(texture->format), b;
+    size_t pixel = step * (size_t)conemap__channels(texture->layout);
+    for (y = 0; y < map->info.height; ++y)
+        for (x = 0; x < map->info.width; ++x, texels += pixel) {
+            size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
+            uint32_t codes[2] = {0, 0};
+            int c;
+            for (c = 0; c <= cone_channel; ++c)
+                for (b = 0; b < step; ++b) codes[c] |= (uint32_t)texels[(size_t)c * step + b] << (8 * b);
+            map->build.cones[at] = conemap__value(texture->format, codes[cone_channel]);
+            if (!conemap__in_range(map->build.cones[at], 0.0f, CONEMAP_TAN_LIMIT))
+                return CONEMAP_ERROR_FILE_CORRUPT;
+            if (!heights_too) continue;
+            map->build.heights[at] = conemap__value(texture->format, codes[0]);
+            if (!conemap__in_range(map->build.heights[at], 0.0f, 1.0f)) return CONEMAP_ERROR_FILE_CORRUPT;
+        }
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
+                                         conemap_map *map) {
+    const unsigned char *texels = (const unsigned char *)bytes + CONEMAP__FILE_HEADER;
+    conemap_info info;
+    conemap_desc load;
+    conemap_result result;
+    size_t memory_size, scratch_size;
+    int given, job;
+    if (!map) return CONEMAP_ERROR_NULL;
+    memset(map, 0, sizeof *map);
+    result = conemap_load_info(bytes, size, &info);
+    if (result != CONEMAP_OK) return result;
+    memset(&load, 0, sizeof load);
+    if (desc) load = *desc;
+    given = load.heights.pixels != NULL;
+    if (!given && info.texture.layout == CONEMAP_CONE_ONLY) return CONEMAP_ERROR_NO_HEIGHTS;
+    if (given) {
+        result = conemap__resolve_heights(&load.heights);
+        if (result != CONEMAP_OK) return result;
+        if (load.heights.width != info.width || load.heights.height != info.height) return CONEMAP_ERROR_HASH;
+    }
+    if ((load.allocator.allocate == NULL) != (load.allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (conemap__hash_bytes(texels, conemap__row_size(&info) * (size_t)info.height) !=
+        ((uint64_t)conemap__get_word(texels - 8) << 32 | conemap__get_word(texels - 12)))
+        return CONEMAP_ERROR_FILE_CORRUPT;
+    load.heights.width = info.width;
+    load.heights.height = info.height;
+    load.wrap_u = info.wrap_u;
+    load.wrap_v = info.wrap_v;
+    load.aspect = info.aspect;
+    load.max_tan = info.max_tan;
+    load.texture = info.texture;
+    load.generator = info.generator;
+    load.min3x3 = 0;
+    result = conemap__plan(map, &load, &memory_size, &scratch_size);
+    if (result == CONEMAP_OK) result = conemap__allocate(map, memory_size, 0);
+    map->info = info;
+    if (result == CONEMAP_OK && given) result = conemap__decode_rows(map, &load.heights, 0, info.height);
+    if (result == CONEMAP_OK) result = conemap__load_texels(map, texels, !given);
+    if (result == CONEMAP_OK && conemap__hash_heights(map) != info.height_hash)
+        result = given ? CONEMAP_ERROR_HASH : CONEMAP_ERROR_FILE_CORRUPT;
+    if (result != CONEMAP_OK) {
+        conemap_free(map);
+        return result;
+    }
+    for (job = 0; job < map->build.pass_jobs[CONEMAP__PASS_CELLS]; ++job)
+        conemap__pyramid_strip(map, &map->cells, job);
+    if (map->cells.levels > 0) conemap__pyramid_top(map, &map->cells);
+    memset(&map->build.texels, 0, sizeof map->build.texels);
+    memset(&map->build.desc, 0, sizeof map->build.desc);
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_get_format_numbers(const conemap_texture *texture,
+                                                       conemap_format_numbers *numbers) {
+    /* [format][1, 2 or 4 channels] */
+    static const unsigned dxgi[CONEMAP_FORMAT_COUNT][3] = {{41, 16, 2}, {54, 34, 10}, {56, 35, 11}, {61, 49, 28}};
+    static const unsigned vulkan[CONEMAP_FORMAT_COUNT][3] = {
+        {100, 103, 109}, {76, 83, 97}, {70, 77, 91}, {9, 16, 37}};
+    static const unsigned gl_internal[CONEMAP_FORMAT_COUNT][3] = {{0x822e, 0x8230, 0x8814},
+                                                                  {0x822d, 0x822f, 0x881a},
+                                                                  {0x822a, 0x822c, 0x805b},
+                                                                  {0x8229, 0x822b, 0x8058}};
+    static const unsigned gl_format[3] = {0x1903, 0x8227, 0x1908};                      /* RED, RG, RGBA */
+    static const unsigned gl_type[CONEMAP_FORMAT_COUNT] = {0x1406, 0x140b, 0x1403, 0x1401};
+    conemap_result result;
+    int format, column;
+    if (!texture || !numbers) return CONEMAP_ERROR_NULL;
+    result = conemap__check_texture(texture);
+    if (result != CONEMAP_OK) return result;
+    format = (int)texture->format;
+    column = texture->layout == CONEMAP_CONE_ONLY ? 0 : texture->layout == CONEMAP_DUMMER ? 2 : 1;
+    numbers->channels = conemap__channels(texture->layout);
+    numbers->bytes = numbers->channels * (int)conemap__format_size(texture->format);
+    numbers->dxgi = dxgi[format][column];
+    numbers->vulkan = vulkan[format][column];
+    numbers->gl_internal = gl_internal[format][column];
+    numbers->gl_format = gl_format[column];
+    numbers->gl_type = gl_type[format];
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   S A M P L E R S
+   ====================================================================================================== */
+
+/* Height and cone at (x, y) of 0..1 x 0..1 in a cell, as a shader's texture unit would mix them. */
+typedef struct conemap__mix {
+    float height, tangent;
+} conemap__mix;
+
+CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, conemap__quad quad, float x, float y) {
+    conemap__mix mix;
+    mix.height = conemap__bilinear(conemap__gather(map->heights, quad), x, y);
+    mix.tangent = conemap__decode_tan(map->info.texture.encoding, mix.height,
+                                      conemap__bilinear(conemap__gather(map->cones, quad), x, y));
+    return mix;
+}
+
+/* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. */
+static int conemap__locate(float u, int size, conemap_wrap wrap, int *cell, float *place) {
+    float x;
+    if (!conemap__finite(u)) return 0;
+    if (wrap == CONEMAP_WRAP)
+        u = (float)conemap__fraction((double)u);
+    else if (u < 0.0f || u > 1.0f)
+        return 0;
+    x = u * (float)size - 0.5f;
+    if (wrap == CONEMAP_NOTHING && (x < 0.0f || x > (float)(size - 1))) return 0;
+    *cell = conemap__floor(x);
+    if (wrap == CONEMAP_NOTHING) *cell = conemap__mini(*cell, size - 2);
+    *place = x - (float)*cell;
+    return 1;
+}
+
+CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample) {
+    conemap__quad quad;
+    conemap__corners c;
+    conemap__mix mix;
+    float x, y, dx, dy, length;
+    int i, j;
+    if (!map || !map->heights || !sample) return CONEMAP_ERROR_NULL;
+    if (!conemap__locate(u, map->info.width, map->info.wrap_u, &i, &x) ||
+        !conemap__locate(v, map->info.height, map->info.wrap_v, &j, &y))
+        return CONEMAP_ERROR_POSITION;
+    quad = conemap__cell_quad(map, i, j);
+    c = conemap__gather(map->heights, quad);
+    mix = conemap__sample_cell(map, quad, x, y);
+    dx = (c.h10 - c.h00) + ((c.h11 - c.h01) - (c.h10 - c.h00)) * y;
+    dy = (c.h01 - c.h00) + ((c.h11 - c.h10) - (c.h01 - c.h00)) * x;
+    sample->height = mix.height;
+    sample->tan = mix.tangent;
+    sample->dhdu = dx * (float)map->info.width;
+    sample->dhdv = dy * (float)map->info.height;
+    length = sqrtf(sample->dhdu * sample->dhdu + sample->dhdv * sample->dhdv + 1.0f);
+    sample->normal[0] = -sample->dhdu / length;
+    sample->normal[1] = -sample->dhdv / length;
+    sample->normal[2] = 1.0f / length;
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   T R A C E R S
+
+   A ray is clipped to the map in double precision once, then followed in single precision in texel coordinates
+   that start in the cell it enters (so that large maps do not cost it its low bits) and in a time scaled by a
+   power of two (so that its length does not matter). The cell is walked, not recomputed: a step to a cell's
+   border moves the cell index by one, and after a longer step the index never falls back. So every step gets
+   somewhere, whatever the position's rounding says.
+   ====================================================================================================== */
+
+#define CONEMAP__REACH 1048576.0f /* texels that a ray can be followed on wrapping axes */
+
+typedef struct conemap__walk {
+    float px, py, pz;   /* at t = 0: texels from the centre of the base cell's lower corner, and height */
+    float vx, vy, vz;   /* per t: texels, height */
+    float speed;        /* horizontal, in uv with aspect, per t */
+    float t, t_end;     /* now, and where the map or the ray ends */
+    float z_end;        /* exact height at t_end */
+    int base_i, base_j; /* the base cell on the map */
+    int i, j;           /* the cell now, from the base cell */
+    conemap_status end_status; /* of a ray that reaches t_end above the surface */
+    /* back to the caller's units, and the ray for its positions */
+    double t_start, t_scale;
+    const conemap_ray *ray;
+} conemap__walk;
+
+/* Narrows [t0, t1] to where low <= o + v t <= high; 0 if nothing is left. *axis_in and *axis_out get `axis` where
+   this slab decides. */
+static int conemap__clip(double o, double v, double low, double high, int axis, double *t0, double *t1,
+                         int *axis_out) {
+    double a, b;
+    if (v == 0.0) return o >= low && o <= high;
+    a = ((v > 0.0 ? low : high) - o) / v;
+    b = ((v > 0.0 ? high : low) - o) / v;
+    if (a > *t0) *t0 = a;
+    if (b < *t1) {
+        *t1 = b;
+        *axis_out = axis;
+    }
+    return *t0 <= *t1;
+}
+
+static conemap_result conemap__check_ray(const conemap_ray *ray) {
+    int k;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->origin[k])) return CONEMAP_ERROR_RAY_ORIGIN;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->direction[k])) return CONEMAP_ERROR_RAY_DIRECTION;
+    if (((conemap__bits(ray->direction[0]) | conemap__bits(ray->direction[1]) |
+          conemap__bits(ray->direction[2])) & 0x7fffffffu) == 0)
+        return CONEMAP_ERROR_RAY_DIRECTION;
+    /* t_max may be infinite, which is no end; every other odd value is an error. */
+    if (!conemap__finite(ray->t_min) || ray->t_min < 0.0f) return CONEMAP_ERROR_RAY_RANGE;
+    if ((conemap__bits(ray->t_max) & 0x7fffffffu) > 0x7f800000u) return CONEMAP_ERROR_RAY_RANGE;
+    if (ray->t_max != 0.0f && ray->t_max < ray->t_min) return CONEMAP_ERROR_RAY_RANGE;
+    return CONEMAP_OK;
+}
+
+/* Puts an axis of the walk into texels; returns the base cell. */
+static int conemap__enter_axis(double position, int size, conemap_wrap wrap, float *place) {
+    double x;
+    int cell;
+    if (wrap == CONEMAP_WRAP) position = conemap__fraction(position);
+    x = position * (double)size - 0.5;
+    cell = (int)(x + 1.0) - 1; /* floor: x is -0.5 or more */
+    if (wrap == CONEMAP_NOTHING) cell = conemap__mini(cell, size - 2);
+    if (wrap == CONEMAP_CLAMP) cell = conemap__mini(cell, size - 1);
+    *place = conemap__max(0.0f, conemap__min((float)(x - (double)cell), 1.0f));
+    return cell;
+}
+
+/* Sets a walk up. Returns 0 for a ray that never gets above or below the surface; walk->end_status and t_end then
+   say how it ends all the same. */
+static int conemap__enter(const conemap_map *map, const conemap_ray *ray, conemap__walk *walk) {
+    const conemap_info *info = &map->info;
+    double o[3], v[3], longest = 0.0, power, t0, t1, box0, box1, low_u, low_v, reach, far_end;
+    int k, out = 3, box_out = 3, meets, in_box;
+    for (k = 0; k < 3; ++k) {
+        o[k] = (double)ray->origin[k];
+        v[k] = (double)ray->direction[k];
+        if (v[k] > longest) longest = v[k];
+        if (-v[k] > longest) longest = -v[k];
+    }
+    power = conemap__normalising_power(longest);
+    for (k = 0; k < 3; ++k) {
+        v[k] *= power;
+        if (v[k] < 1e-30 && v[k] > -1e-30) v[k] = 0.0; /* too little to cross a texel, enough to overflow */
+    }
+    far_end = 1e300;
+    box0 = (double)ray->t_min / power;
+    box1 = ray->t_max == 0.0f || !conemap__finite(ray->t_max) ? far_end : (double)ray->t_max / power;
+
+    /* The unit box says how a ray that meets nothing ends; the surface may end half a texel before. */
+    in_box = conemap__clip(o[2], v[2], 0.0, 1.0, 2, &box0, &box1, &box_out);
+    if (info->wrap_u != CONEMAP_WRAP)
+        in_box = conemap__clip(o[0], v[0], 0.0, 1.0, 0, &box0, &box1, &box_out) && in_box;
+    if (info->wrap_v != CONEMAP_WRAP)
+        in_box = conemap__clip(o[1], v[1], 0.0, 1.0, 1, &box0, &box1, &box_out) && in_box;
+    t0 = box0;
+    t1 = box1;
+    out = box_out;
+    low_u = info->wrap_u == CONEMAP_NOTHING ? 0.5 / (double)info->width : 0.0;
+    low_v = info->wrap_v == CONEMAP_NOTHING ? 0.5 / (double)info->height : 0.0;
+    meets = in_box;
+    if (meets && info->wrap_u == CONEMAP_NOTHING)
+        meets = conemap__clip(o[0], v[0], low_u, 1.0 - low_u, 0, &t0, &t1, &out);
+    if (meets && info->wrap_v == CONEMAP_NOTHING)
+        meets = conemap__clip(o[1], v[1], low_v, 1.0 - low_v, 1, &t0, &t1, &out);
+
+    memset(walk, 0, sizeof *walk);
+    walk->ray = ray;
+    walk->t_scale = power;
+    walk->end_status = !in_box                       ? CONEMAP_LEFT
+                       : box_out == 3                ? CONEMAP_T_MAX
+                       : box_out == 2 && v[2] < 0.0 ? CONEMAP_FLOOR
+                                                     : CONEMAP_LEFT;
+    if (!meets) {
+        walk->t_start = in_box ? box1 : (double)ray->t_min / power;
+        return 0;
+    }
+    /* Past its reach a wrapping ray is given up. */
+    reach = (double)CONEMAP__REACH / ((v[0] < 0.0 ? -v[0] : v[0]) * (double)info->width +
+                                      (v[1] < 0.0 ? -v[1] : v[1]) * (double)info->height + 1e-30);
+    if (t1 - t0 > reach) {
+        t1 = t0 + reach;
+        out = 3;
+        walk->end_status = CONEMAP_STEP_CAP;
+    }
+    walk->t_start = t0;
+    walk->base_i = conemap__enter_axis(o[0] + v[0] * t0, info->width, info->wrap_u, &walk->px);
+    walk->base_j = conemap__enter_axis(o[1] + v[1] * t0, info->height, info->wrap_v, &walk->py);
+    walk->pz = conemap__max(0.0f, conemap__min((float)(o[2] + v[2] * t0), 1.0f));
+    walk->vx = (float)(v[0] * (double)info->width);
+    walk->vy = (float)(v[1] * (double)info->height);
+    walk->vz = (float)v[2];
+    walk->speed = sqrtf((float)(v[0] * v[0] + (double)info->aspect * (double)info->aspect * v[1] * v[1]));
+    walk->t_end = (float)(t1 - t0);
+    /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
+    walk->z_end = out == 2 ? (v[2] < 0.0 ? 0.0f : 1.0f)
+                           : conemap__max(0.0f, conemap__min((float)(o[2] + v[2] * t1), 1.0f));
+    return 1;
+}
+
+CONEMAP__INLINE float conemap__ray_z(const conemap__walk *walk, float t) {
+    return t >= walk->t_end ? walk->z_end : walk->pz + walk->vz * t;
+}
+
+/* When the ray leaves the span [low, high] of cell borders along one axis. */
+CONEMAP__INLINE float conemap__leave(float p, float v, int low, int high) {
+    return v > 0.0f ? ((float)high - p) / v : v < 0.0f ? ((float)low - p) / v : CONEMAP__FAR;
+}
+
+/* The cell of a position along one axis: never behind the cell before, whatever rounding says. */
+CONEMAP__INLINE int conemap__advance(float p, float v, float t, int cell) {
+    int next = conemap__floor(p + v * t);
+    return v > 0.0f ? conemap__maxi(next, cell) : v < 0.0f ? conemap__mini(next, cell) : cell;
+}
+
+/* Moves the walk to t, beyond the borders of the present cell. */
+CONEMAP__INLINE void conemap__jump(conemap__walk *walk, float t) {
+    walk->i = conemap__advance(walk->px, walk->vx, t, walk->i);
+    walk->j = conemap__advance(walk->py, walk->vy, t, walk->j);
+    walk->t = t;
+}
+
+CONEMAP__INLINE conemap__quad conemap__walk_quad(const conemap_map *map, const conemap__walk *walk) {
+    return conemap__cell_quad(map, walk->base_i + walk->i, walk->base_j + walk->j);
+}
+
+/* The place inside the present cell; rounding may put the position a little outside. */
+CONEMAP__INLINE float conemap__place(float p, float v, float t, int cell) {
+    return conemap__max(0.0f, conemap__min(p + v * t - (float)cell, 1.0f));
+}
+
+/* Height and cone under the ray in the present cell. */
+CONEMAP__INLINE conemap__mix conemap__under(const conemap_map *map, const conemap__walk *walk) {
+    return conemap__sample_cell(map, conemap__walk_quad(map, walk),
+                                conemap__place(walk->px, walk->vx, walk->t, walk->i),
+                                conemap__place(walk->py, walk->vy, walk->t, walk->j));
+}
+
+/* The same at any time of the walk, for tracers that do not walk cells. */
+static conemap__mix conemap__mix_at(const conemap_map *map, const conemap__walk *walk, float t) {
+    conemap__walk there = *walk;
+    there.t = t;
+    there.i = conemap__floor(walk->px + walk->vx * t);
+    there.j = conemap__floor(walk->py + walk->vy * t);
+    return conemap__under(map, &there);
+}
+
+/* Ray height over the surface. */
+static float conemap__clearance(const conemap_map *map, const conemap__walk *walk, float t) {
+    return conemap__ray_z(walk, t) - conemap__mix_at(map, walk, t).height;
+}
+
+/* How far a ray that is `gap` over a cone's apex flies inside the cone: tan gap / (|v_xy| - tan v_z), the form of
+   [BV24 Algorithm 1] that a cone of tan = 0 survives. A vertical ray meets the surface at its apex. */
+CONEMAP__INLINE float conemap__cone_step(const conemap__walk *walk, float tangent, float gap) {
+    float closing = walk->speed - tangent * walk->vz;
+    if (walk->speed == 0.0f) return walk->vz < 0.0f ? gap / -walk->vz : CONEMAP__FAR;
+    return closing > 0.0f ? tangent * gap / closing : CONEMAP__FAR;
+}
+
+/* First t in [0, end] at which the ray meets the patch, from a point at (x, y, z) in the cell; -1 if none. The
+   clearance along the ray is c + b t + a t^2, solved in the form that does not cancel. */
+static float conemap__patch_hit(const conemap__walk *walk, conemap__corners h, float x, float y, float z,
+                                float end) {
+    float hx = h.h10 - h.h00, hy = h.h01 - h.h00, hxy = (h.h11 - h.h01) - hx;
+    float c = z - conemap__bilinear(h, x, y);
+    float b = walk->vz - (hx * walk->vx + hy * walk->vy + hxy * (x * walk->vy + y * walk->vx));
+    float a = -hxy * walk->vx * walk->vy;
+    float discriminant = b * b - 4.0f * a * c, q, t0, t1;
+    if (c <= 0.0f) return 0.0f;
+    if (discriminant < 0.0f) return -1.0f;
+    q = -0.5f * (b + (b < 0.0f ? -sqrtf(discriminant) : sqrtf(discriminant)));
+    t0 = q != 0.0f ? c / q : CONEMAP__FAR;
+    t1 = a != 0.0f ? q / a : CONEMAP__FAR;
+    if (t0 < 0.0f) t0 = CONEMAP__FAR;
+    if (t1 < 0.0f) t1 = CONEMAP__FAR;
+    t0 = conemap__min(t0, t1);
+    return t0 <= end ? t0 : -1.0f;
+}
+
+/* ---- results ---------------------------------------------------------------------------------------- */
+
+static float conemap__caller_t(const conemap__walk *walk, float t) {
+    return (float)((walk->t_start + (double)t) * walk->t_scale);
+}
+
+static void conemap__finish(const conemap__walk *walk, conemap_status status, float before, float t, float after,
+                            int steps, conemap_hit *hit) {
+    double along = (walk->t_start + (double)t) * walk->t_scale;
+    hit->status = status;
+    hit->inside = status == CONEMAP_HIT && t <= 0.0f;
+    hit->t = (float)along;
+    hit->u = (float)((double)walk->ray->origin[0] + along * (double)walk->ray->direction[0]);
+    hit->v = (float)((double)walk->ray->origin[1] + along * (double)walk->ray->direction[1]);
+    hit->z = (float)((double)walk->ray->origin[2] + along * (double)walk->ray->direction[2]);
+    hit->t_before = conemap__caller_t(walk, before);
+    hit->t_after = conemap__caller_t(walk, after);
+    hit->steps = steps;
+}
+
+/* Narrows the bracket (above before, at or below after) and chooses the hit in it; `guess` without refinement. */
+static void conemap__refine(const conemap_map *map, const conemap_trace_desc *desc, const conemap__walk *walk,
+                            float before, float guess, float after, int steps, conemap_hit *hit) {
+    int k;
+    if (before < after && desc->refinement == CONEMAP_REFINE_SECANT) {
+        float above = conemap__clearance(map, walk, before), below = conemap__clearance(map, walk, after);
+        if (above > below) guess = before + (after - before) * (above / (above - below));
+        guess = conemap__max(before, conemap__min(guess, after));
+    } else if (before < after && desc->refinement == CONEMAP_REFINE_BISECT) {
+        for (k = 0; k < desc->refine_steps; ++k) {
+            float middle = 0.5f * (before + after);
+            if (conemap__clearance(map, walk, middle) > 0.0f)
+                before = middle;
+            else
+                after = middle;
+        }
+        guess = 0.5f * (before + after);
+    }
+    conemap__finish(walk, CONEMAP_HIT, before, guess, after, steps, hit);
+}
+
+/* ---- tracers: each fills in *hit for a walk that meets the map ------------------------------------------- */
+
+static void conemap__trace_linear(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                  conemap_hit *hit) {
+    float before = 0.0f, t = 0.0f;
+    int k;
+    for (k = 0; k <= desc->max_steps; ++k) {
+        t = k < desc->max_steps ? walk->t_end * ((float)k / (float)desc->max_steps) : walk->t_end;
+        if (conemap__clearance(map, walk, t) <= 0.0f) {
+            conemap__refine(map, desc, walk, before, t, t, k, hit);
+            return;
+        }
+        before = t;
+    }
+    conemap__finish(walk, walk->end_status, t, t, t, desc->max_steps, hit);
+}
+
+/* [Dum06] _fixed and _loop: a number of cone steps without any test in between; steps may lead back. */
+static void conemap__trace_loop(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                conemap_hit *hit) {
+    float before = 0.0f, t = 0.0f, gap;
+    int k, steps = desc->tracer == CONEMAP_TRACE_FIXED ? 10 : desc->max_steps;
+    if (desc->tracer == CONEMAP_TRACE_LOOP && desc->adaptive_steps) {
+        float x = walk->vx / (float)map->info.width, y = walk->vy / (float)map->info.height;
+        float flat = sqrtf(x * x + y * y);
+        steps = (int)((float)steps * (0.5f + flat / sqrtf(flat * flat + walk->vz * walk->vz)));
+    }
+    for (k = 0; k < steps; ++k) {
+        conemap__mix mix = conemap__mix_at(map, walk, t);
+        gap = conemap__ray_z(walk, t) - mix.height;
+        if (gap > 0.0f) before = t;
+        t += desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
+        t = conemap__max(0.0f, conemap__min(t, walk->t_end));
+    }
+    gap = conemap__clearance(map, walk, t);
+    if (gap <= 0.0f && before < t)
+        conemap__refine(map, desc, walk, before, t, t, steps, hit);
+    else if (gap <= desc->tolerance)
+        conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
+    else
+        conemap__finish(walk, t >= walk->t_end ? walk->end_status : CONEMAP_STEP_CAP, t, t, t, steps, hit);
+}
+
+/* [Dum06] _exact: a texel's width beyond the cone, so that the ray pierces the surface; then back off. */
+static void conemap__trace_exact_step(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                      conemap_hit *hit) {
+    float x = walk->vx / (float)map->info.width, y = walk->vy / (float)map->info.height;
+    float texel = 1.0f / (float)conemap__maxi(map->info.width, map->info.height);
+    float extra = texel / sqrtf(x * x + y * y + walk->vz * walk->vz), before = 0.0f, t = 0.0f;
+    int steps = 0;
+    for (;;) {
+        conemap__mix mix = conemap__mix_at(map, walk, t);
+        float gap = conemap__ray_z(walk, t) - mix.height;
+        if (gap <= 0.0f) {
+            conemap__refine(map, desc, walk, before, conemap__max(before, t - extra), t, steps, hit);
+            return;
+        }
+        if (t >= walk->t_end) break;
+        if (desc->max_steps && steps >= desc->max_steps) {
+            conemap__finish(walk, CONEMAP_STEP_CAP, t, t, t, steps, hit);
+            return;
+        }
+        before = t;
+        t += desc->step_scale * conemap__cone_step(walk, mix.tangent, gap) + extra;
+        if (!(t > before)) t = walk->t_end; /* a texel is below the last bit of t only at the very end */
+        t = conemap__min(t, walk->t_end);
+        ++steps;
+    }
+    conemap__finish(walk, walk->end_status, t, t, t, steps, hit);
+}
+
+/* [BV24] Algorithm 1: to the end of the cone or of the bilinear cell, whichever is farther. */
+static void conemap__trace_cell_max(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                    conemap_hit *hit) {
+    float before = 0.0f;
+    int steps = 0;
+    for (;;) {
+        conemap__mix mix = conemap__under(map, walk);
+        float gap = conemap__ray_z(walk, walk->t) - mix.height, leave_i, leave_j, leave, cone;
+        if (gap <= 0.0f) {
+            conemap__refine(map, desc, walk, before, walk->t, walk->t, steps, hit);
+            return;
+        }
+        if (walk->t >= walk->t_end) break;
+        if (desc->max_steps && steps >= desc->max_steps) {
+            conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
+            return;
+        }
+        before = walk->t;
+        leave_i = conemap__leave(walk->px, walk->vx, walk->i, walk->i + 1);
+        leave_j = conemap__leave(walk->py, walk->vy, walk->j, walk->j + 1);
+        leave = conemap__max(walk->t, conemap__min(leave_i, leave_j));
+        cone = walk->t + desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
+        if (cone > leave && cone < walk->t_end) {
+            conemap__jump(walk, cone);
+        } else if (leave < walk->t_end && cone < walk->t_end) {
+            if (leave_i <= leave_j) walk->i += walk->vx > 0.0f ? 1 : -1;
+            if (leave_j <= leave_i) walk->j += walk->vy > 0.0f ? 1 : -1;
+            walk->t = leave;
+        } else {
+            conemap__jump(walk, walk->t_end);
+        }
+        ++steps;
+    }
+    conemap__finish(walk, walk->end_status, walk->t, walk->t, walk->t, steps, hit);
+}
+
+/* A block of the cell pyramid under the walk: its borders in walk coordinates and its maximum. */
+typedef struct conemap__block {
+    int low_i, high_i, low_j, high_j;
+    float highest;
+} conemap__block;
+
+static void conemap__block_axis(int cell, int count, int k, int *node, int *low, int *high) {
+    int wrapped = conemap__repeat(cell, count);
+    *node = wrapped >> k;
+    *low = (*node << k) - wrapped;
+    *high = conemap__mini((*node + 1) << k, count) - wrapped;
+}
+
+static conemap__block conemap__block_under(const conemap_map *map, const conemap__walk *walk, int k) {
+    conemap__block b;
+    int node_i, node_j;
+    conemap__block_axis(walk->base_i + walk->i + conemap__first_cell(map->info.wrap_u), map->cells.width[0], k,
+                        &node_i, &b.low_i, &b.high_i);
+    conemap__block_axis(walk->base_j + walk->j + conemap__first_cell(map->info.wrap_v), map->cells.height[0], k,
+                        &node_j, &b.low_j, &b.high_j);
+    b.low_i += walk->i;
+    b.high_i += walk->i;
+    b.low_j += walk->j;
+    b.high_j += walk->j;
+    b.highest = conemap__level_value(map, &map->cells, k, node_i, node_j);
+    return b;
+}
+
+/* Leaves a block at time t through the borders that come first: the cell behind them, and for the other axis the
+   cell of the position, kept inside the block. */
+static void conemap__leave_block(conemap__walk *walk, const conemap__block *b, float leave_i, float leave_j,
+                                 float t) {
+    int i = conemap__advance(walk->px, walk->vx, t, walk->i);
+    int j = conemap__advance(walk->py, walk->vy, t, walk->j);
+    walk->i = leave_i <= leave_j ? (walk->vx > 0.0f ? b->high_i : b->low_i - 1)
+                                 : conemap__maxi(b->low_i, conemap__mini(i, b->high_i - 1));
+    walk->j = leave_j <= leave_i ? (walk->vy > 0.0f ? b->high_j : b->low_j - 1)
+                                 : conemap__maxi(b->low_j, conemap__mini(j, b->high_j - 1));
+    walk->t = t;
+}
+
+/* Max-mipmap walk [TIS08] and quadtree displacement mapping [Dro18]: blocks that the ray flies over are left behind
+   whole, others are entered a level deeper; after each block that is left, one level up. In a single cell,
+   [TIS08] solves for the bilinear patch, [Dro18] interpolates between the cell's two ends. */
+static void conemap__trace_blocks(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                  conemap_hit *hit) {
+    int top = map->cells.levels - 1, k = top, steps = 0, exact = desc->tracer == CONEMAP_TRACE_MAXMIP;
+    for (;;) {
+        conemap__block b;
+        float leave_i, leave_j, end, low;
+        if (desc->max_steps && steps >= desc->max_steps) {
+            conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
+            return;
+        }
+        ++steps;
+        b = conemap__block_under(map, walk, k);
+        leave_i = conemap__leave(walk->px, walk->vx, b.low_i, b.high_i);
+        leave_j = conemap__leave(walk->py, walk->vy, b.low_j, b.high_j);
+        end = conemap__min(conemap__max(walk->t, conemap__min(leave_i, leave_j)), walk->t_end);
+        low = conemap__min(conemap__ray_z(walk, walk->t), conemap__ray_z(walk, end));
+        if (low <= b.highest && k > 0) {
+            if (!exact && walk->vz < 0.0f) { /* [Dro18] goes on to the block's top before it goes deeper */
+                float t = conemap__min((b.highest - walk->pz) / walk->vz, end);
+                if (t > walk->t && t < end) {
+                    walk->i = conemap__maxi(b.low_i, conemap__mini(conemap__advance(walk->px, walk->vx, t, walk->i),
+                                                                   b.high_i - 1));
+                    walk->j = conemap__maxi(b.low_j, conemap__mini(conemap__advance(walk->py, walk->vy, t, walk->j),
+                                                                   b.high_j - 1));
+                    walk->t = t;
+                }
+            }
+            --k;
+            continue;
+        }
+        if (low <= b.highest) {
+            conemap__corners h = conemap__gather(map->heights, conemap__walk_quad(map, walk));
+            float x = conemap__place(walk->px, walk->vx, walk->t, walk->i);
+            float y = conemap__place(walk->py, walk->vy, walk->t, walk->j);
+            float z = conemap__ray_z(walk, walk->t), z_end = conemap__ray_z(walk, end), t = -1.0f;
+            float above = z - conemap__bilinear(h, x, y);
+            float below = z_end - conemap__bilinear(h, conemap__place(walk->px, walk->vx, end, walk->i),
+                                                    conemap__place(walk->py, walk->vy, end, walk->j));
+            if (exact) t = conemap__patch_hit(walk, h, x, y, z, end - walk->t);
+            if (t < 0.0f && above <= 0.0f) t = 0.0f;
+            if (t < 0.0f && below <= 0.0f) t = (end - walk->t) * (above / (above - below));
+            if (t >= 0.0f) {
+                t += walk->t;
+                conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
+                return;
+            }
+        }
+        if (end >= walk->t_end) {
+            conemap__finish(walk, walk->end_status, end, end, end, steps, hit);
+            return;
+        }
+        conemap__leave_block(walk, &b, leave_i, leave_j, end);
+        k = conemap__mini(k + 1, top);
+    }
+}
+
+/* Checks trace settings and writes their defaults out. */
+static conemap_result conemap__resolve_trace(conemap_trace_desc *desc) {
+    if (!CONEMAP__KNOWN(desc->tracer, CONEMAP_TRACER_COUNT) ||
+        !CONEMAP__KNOWN(desc->refinement, CONEMAP_REFINEMENT_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    if (desc->refine_steps < 0 || desc->refine_steps > 64 || desc->max_steps < 0 ||
+        !conemap__in_range(desc->step_scale, 0.0f, 1e6f) || !conemap__in_range(desc->tolerance, 0.0f, 1.0f))
+        return CONEMAP_ERROR_PARAMETER;
+    if (desc->tracer == CONEMAP_TRACE_DEFAULT) desc->tracer = CONEMAP_TRACE_CELL_MAX;
+    if (desc->refine_steps == 0) desc->refine_steps = 7;
+    if (desc->max_steps == 0 && desc->tracer == CONEMAP_TRACE_LINEAR) desc->max_steps = 200;
+    if (desc->max_steps == 0 && desc->tracer == CONEMAP_TRACE_LOOP) desc->max_steps = 20;
+    if (desc->step_scale == 0.0f) desc->step_scale = 1.0f;
+    if (desc->tolerance == 0.0f) desc->tolerance = 1.0f / 256.0f;
+    return CONEMAP_OK;
+}
+
+static void conemap__trace_ray(const conemap_map *map, const conemap_trace_desc *desc, const conemap_ray *ray,
+                               conemap_hit *hit) {
+    conemap__walk walk;
+    if (!conemap__enter(map, ray, &walk)) {
+        conemap__finish(&walk, walk.end_status, 0.0f, 0.0f, 0.0f, 0, hit);
+        return;
+    }
+    switch (desc->tracer) {
+    case CONEMAP_TRACE_LINEAR: conemap__trace_linear(map, desc, &walk, hit); break;
+    case CONEMAP_TRACE_FIXED:
+    case CONEMAP_TRACE_LOOP: conemap__trace_loop(map, desc, &walk, hit); break;
+    case CONEMAP_TRACE_EXACT_STEP: conemap__trace_exact_step(map, desc, &walk, hit); break;
+    case CONEMAP_TRACE_MAXMIP:
+    case CONEMAP_TRACE_QDM: conemap__trace_blocks(map, desc, &walk, hit); break;
+    default: conemap__trace_cell_max(map, desc, &walk, hit); break;
+    }
+}
+
+CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
+                                          const conemap_ray *rays, conemap_hit *hits, int count) {
+    conemap_trace_desc resolved;
+    conemap_result result;
+    int k;
+    if (!map || !map->heights || ((!rays || !hits) && count != 0)) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&resolved, 0, sizeof resolved);
+    if (desc) resolved = *desc;
+    result = conemap__resolve_trace(&resolved);
+    if (result != CONEMAP_OK) return result;
+    if ((resolved.tracer == CONEMAP_TRACE_MAXMIP || resolved.tracer == CONEMAP_TRACE_QDM) && map->cells.levels == 0)
+        return CONEMAP_ERROR_NO_PYRAMID;
+    for (k = 0; k < count; ++k) {
+        conemap_result ray_result = conemap__check_ray(&rays[k]);
+        if (ray_result == CONEMAP_OK) {
+            conemap__trace_ray(map, &resolved, &rays[k], &hits[k]);
+        } else {
+            memset(&hits[k], 0, sizeof hits[k]);
+            hits[k].status = CONEMAP_INVALID;
+            if (result == CONEMAP_OK) result = ray_result;
+        }
+    }
+    return result;
+}
+
+#if defined(__clang__)
+#pragma STDC FP_CONTRACT DEFAULT
+#elif defined(__GNUC__)
+#pragma GCC pop_options
+#elif defined(_MSC_VER)
+#pragma fp_contract(on)
+#endif
+
+#undef CONEMAP__DEF
+#undef CONEMAP__INLINE
+#undef CONEMAP__UNUSED
+#undef CONEMAP__FAR
+#undef CONEMAP__HASH_START
+#undef CONEMAP__STRIP_LEVELS
+#undef CONEMAP__STRIP
+#undef CONEMAP__BAND
+#undef CONEMAP__KNOWN
+#undef CONEMAP__FILE_WORDS
+#undef CONEMAP__FILE_HEADER
+#undef CONEMAP__REACH
+
+#endif /* CONEMAP_IMPLEMENTATION */
+
+/* ======================================================================================================
+   L I C E N C E
+
+   This software is available under two licences; choose the one you like.
+   ------------------------------------------------------------------------------------------------------
+   MIT License. Copyright (c) 2026 the conemap.h authors
+   Permission is hereby granted, free of charge, to any person obtaining a copy of this software and
+   associated documentation files (the "Software"), to deal in the Software without restriction, including
+   without limitation the rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell
+   copies of the Software, and to permit persons to whom the Software is furnished to do so, subject to the
+   following conditions: The above copyright notice and this permission notice shall be included in all copies or
+   substantial portions of the Software. THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS
+   OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND
+   NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+   LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE
+   SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+   ------------------------------------------------------------------------------------------------------
+   Public Domain (www.unlicense.org). This is free and unencumbered software released into the public domain.
+   Anyone is free to copy, modify, publish, use, compile, sell, or distribute this software, either in source code
+   form or as a compiled binary, for any purpose, commercial or non-commercial, and by any means. In jurisdictions
+   that recognise copyright laws, the authors dedicate any and all copyright interest in the software to the public
+   domain. THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND.
+   ====================================================================================================== */
