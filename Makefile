@@ -18,7 +18,7 @@ endif
 
 EXAMPLES = hello bake render inspect accuracy bench
 PROGRAMS = $(EXAMPLES:%=build/%)
-TESTS    = $(wildcard tests/area_*.c) tests/main.c
+TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
 
 all: $(PROGRAMS) build/tests

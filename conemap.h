@@ -341,7 +341,9 @@ typedef struct conemap_hit {
 } conemap_hit;
 
 typedef enum conemap_tracer {
-    CONEMAP_TRACE_DEFAULT = 0,  /* CONEMAP_TRACE_CELL_MAX */
+    CONEMAP_TRACE_DEFAULT = 0,  /* CONEMAP_TRACE_EXACT */
+    CONEMAP_TRACE_EXACT,        /* cone steps, and in every cell entered the bilinear patch itself: misses
+                                   nothing that the cones do not step over */
     CONEMAP_TRACE_LINEAR,       /* equal steps from entry to exit; no cones; misses what lies between */
     CONEMAP_TRACE_FIXED,        /* [Dum06] _fixed: ten cone steps, then take what is there */
     CONEMAP_TRACE_LOOP,         /* [Dum06] _loop: max_steps cone steps, then take what is there */
@@ -468,7 +470,6 @@ CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, fl
 /* Traces `count` rays; hits[k] answers rays[k]. desc: null for the defaults.
    A ray that is itself invalid gets CONEMAP_INVALID and the others are still traced; the result is that of the
    first such ray. With an invalid desc, a null pointer or a negative count nothing is written.
-   Positions are single precision, relative to the point where the ray enters the map.
    What each tracer promises is written beside conemap_tracer, and counted by the tests. */
 CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
                                          const conemap_ray *rays, conemap_hit *hits, int count);
@@ -483,7 +484,7 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
 #if defined(CONEMAP_IMPLEMENTATION) && !defined(CONEMAP_IMPLEMENTED)
 #define CONEMAP_IMPLEMENTED
 
-#include <math.h> /* sqrtf */
+#include <math.h> /* sqrtf, sqrt */
 #include <string.h>
 #if defined(CONEMAP_MALLOC) != defined(CONEMAP_FREE)
 #error "define both CONEMAP_MALLOC and CONEMAP_FREE, or neither"
@@ -568,6 +569,14 @@ CONEMAP__INLINE int conemap__floor(float x) {
     int i = (int)x;
     return i - (x < (float)i);
 }
+
+/* The same for doubles. */
+CONEMAP__INLINE int conemap__floord(double x) {
+    int i = (int)x;
+    return i - (x < (double)i);
+}
+
+CONEMAP__INLINE double conemap__clamp01(double x) { return x < 0.0 ? 0.0 : x > 1.0 ? 1.0 : x; }
 
 /* x - floor(x) for any finite x; numbers of 2^52 and more are whole. */
 static double conemap__fraction(double x) {
@@ -689,27 +698,29 @@ static void conemap__write_code(conemap_format format, unsigned char *bytes, uin
     }
 }
 
-CONEMAP__INLINE float conemap__decode_tan(conemap_encoding encoding, float height, float stored) {
+CONEMAP__INLINE float conemap__decode_tan(const conemap_info *info, float height, float stored) {
     float top = 1.0f - height;
-    switch (encoding) {
+    switch (info->texture.encoding) {
     case CONEMAP_SQRT: return stored * stored;
-    case CONEMAP_RADIUS: return top > 0.0f ? stored / top : 0.0f; /* at the very top no cone has any room */
+    case CONEMAP_RADIUS: /* at the very top no cone has any room; just below, the quotient is all rounding */
+        return stored < info->max_tan * top ? stored / top : top > 0.0f ? info->max_tan : 0.0f;
     default: return stored;
     }
 }
 
 CONEMAP__DEF float conemap_decode(const conemap_info *info, float height, float stored) {
-    return info ? conemap__decode_tan(info->texture.encoding, height, stored) : 0.0f;
+    return info ? conemap__decode_tan(info, height, stored) : 0.0f;
 }
 
 /* The widest stored value that decodes to no more than tan: rounding to nearest, as [Dum06] stores, widens. */
-static float conemap__store_cone(const conemap_texture *texture, float height, float tangent) {
+static float conemap__store_cone(const conemap_info *info, float height, float tangent) {
+    const conemap_texture *texture = &info->texture;
     float value = texture->encoding == CONEMAP_SQRT     ? sqrtf(tangent)
                   : texture->encoding == CONEMAP_RADIUS ? (1.0f - height) * tangent
                                                         : tangent;
     uint32_t code = conemap__code_down(texture->format, value);
     while (code > 0 &&
-           conemap__decode_tan(texture->encoding, height, conemap__value(texture->format, code)) > tangent)
+           conemap__decode_tan(info, height, conemap__value(texture->format, code)) > tangent)
         --code;
     return conemap__value(texture->format, code);
 }
@@ -1402,7 +1413,7 @@ static void conemap__store_rows(conemap_map *map, int y0, int y1) {
         for (x = 0; x < map->info.width; ++x) {
             size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
             float tangent = map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y) : map->build.plane[at];
-            map->build.cones[at] = conemap__store_cone(&map->info.texture, map->heights[at], tangent);
+            map->build.cones[at] = conemap__store_cone(&map->info, map->heights[at], tangent);
         }
 }
 
@@ -1838,7 +1849,7 @@ typedef struct conemap__mix {
 CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, conemap__quad quad, float x, float y) {
     conemap__mix mix;
     mix.height = conemap__bilinear(conemap__gather(map->heights, quad), x, y);
-    mix.tangent = conemap__decode_tan(map->info.texture.encoding, mix.height,
+    mix.tangent = conemap__decode_tan(&map->info, mix.height,
                                       conemap__bilinear(conemap__gather(map->cones, quad), x, y));
     return mix;
 }
@@ -1888,26 +1899,30 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
 /* ======================================================================================================
    T R A C E R S
 
-   A ray is clipped to the map in double precision once, then followed in single precision in texel coordinates
-   that start in the cell it enters (so that large maps do not cost it its low bits) and in a time scaled by a
-   power of two (so that its length does not matter). The cell is walked, not recomputed: a step to a cell's
-   border moves the cell index by one, and after a longer step the index never falls back. So every step gets
-   somewhere, whatever the position's rounding says.
+   A ray is clipped to the map once and followed in texel coordinates that start in the cell it enters, in a time
+   scaled by a power of two so that its length does not matter. Times and positions are doubles: across 16384 texels a
+   float is off by a thousandth of a texel, which on a wall is a thousandth of the box's height. The cell is
+   walked, not recomputed: a step to a cell's border moves the cell index by one, and after a longer step the index
+   never falls back. So every step gets somewhere, whatever the position's rounding says.
    ====================================================================================================== */
 
-#define CONEMAP__REACH 1048576.0f /* texels that a ray can be followed on wrapping axes */
+#define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
+#define CONEMAP__NEVER 1e300     /* a time that does not come */
+#define CONEMAP__APEX_SLACK (1.0f / 1048576.0f) /* cones are stepped from so far above their apex, whose own height is
+                                                    off by about 1e-7 */
 
 typedef struct conemap__walk {
-    float px, py, pz;   /* at t = 0: texels from the centre of the base cell's lower corner, and height */
-    float vx, vy, vz;   /* per t: texels, height */
-    float speed;        /* horizontal, in uv with aspect, per t */
-    float t, t_end;     /* now, and where the map or the ray ends */
-    float z_end;        /* exact height at t_end */
+    double px, py, pz;  /* at t = 0: texels from the centre of the base cell's lower corner, and height */
+    double vx, vy, vz;  /* per t: texels, height */
+    double speed;       /* horizontal, in uv with aspect, per t */
+    double t, t_end;    /* now, and where the map or the ray ends */
+    double z_end;       /* exact height at t_end */
     int base_i, base_j; /* the base cell on the map */
     int i, j;           /* the cell now, from the base cell */
     conemap_status end_status; /* of a ray that reaches t_end above the surface */
     /* back to the caller's units, and the ray for its positions */
     double t_start, t_scale;
+    double t_gone;      /* where a ray that meets nothing ends: NOTHING's surface may end before the box does */
     const conemap_ray *ray;
 } conemap__walk;
 
@@ -1944,15 +1959,17 @@ static conemap_result conemap__check_ray(const conemap_ray *ray) {
 }
 
 /* Puts an axis of the walk into texels; returns the base cell. */
-static int conemap__enter_axis(double position, int size, conemap_wrap wrap, float *place) {
+static int conemap__enter_axis(double position, int size, conemap_wrap wrap, double *place) {
     double x;
     int cell;
     if (wrap == CONEMAP_WRAP) position = conemap__fraction(position);
     x = position * (double)size - 0.5;
-    cell = (int)(x + 1.0) - 1; /* floor: x is -0.5 or more */
-    if (wrap == CONEMAP_NOTHING) cell = conemap__mini(cell, size - 2);
-    if (wrap == CONEMAP_CLAMP) cell = conemap__mini(cell, size - 1);
-    *place = conemap__max(0.0f, conemap__min((float)(x - (double)cell), 1.0f));
+    cell = conemap__floord(x);
+    if (wrap != CONEMAP_WRAP) { /* clipping is off by a last bit */
+        int first = -conemap__first_cell(wrap);
+        cell = conemap__maxi(first, conemap__mini(cell, first + conemap__cell_count(size, wrap) - 1));
+    }
+    *place = conemap__clamp01(x - (double)cell);
     return cell;
 }
 
@@ -1973,7 +1990,7 @@ static int conemap__enter(const conemap_map *map, const conemap_ray *ray, conema
         v[k] *= power;
         if (v[k] < 1e-30 && v[k] > -1e-30) v[k] = 0.0; /* too little to cross a texel, enough to overflow */
     }
-    far_end = 1e300;
+    far_end = CONEMAP__NEVER;
     box0 = (double)ray->t_min / power;
     box1 = ray->t_max == 0.0f || !conemap__finite(ray->t_max) ? far_end : (double)ray->t_max / power;
 
@@ -2001,10 +2018,8 @@ static int conemap__enter(const conemap_map *map, const conemap_ray *ray, conema
                        : box_out == 3                ? CONEMAP_T_MAX
                        : box_out == 2 && v[2] < 0.0 ? CONEMAP_FLOOR
                                                      : CONEMAP_LEFT;
-    if (!meets) {
-        walk->t_start = in_box ? box1 : (double)ray->t_min / power;
-        return 0;
-    }
+    walk->t_gone = in_box ? box1 : (double)ray->t_min / power;
+    if (!meets) return 0;
     /* Past its reach a wrapping ray is given up. */
     reach = (double)CONEMAP__REACH / ((v[0] < 0.0 ? -v[0] : v[0]) * (double)info->width +
                                       (v[1] < 0.0 ? -v[1] : v[1]) * (double)info->height + 1e-30);
@@ -2012,39 +2027,39 @@ static int conemap__enter(const conemap_map *map, const conemap_ray *ray, conema
         t1 = t0 + reach;
         out = 3;
         walk->end_status = CONEMAP_STEP_CAP;
+        walk->t_gone = t1;
     }
     walk->t_start = t0;
     walk->base_i = conemap__enter_axis(o[0] + v[0] * t0, info->width, info->wrap_u, &walk->px);
     walk->base_j = conemap__enter_axis(o[1] + v[1] * t0, info->height, info->wrap_v, &walk->py);
-    walk->pz = conemap__max(0.0f, conemap__min((float)(o[2] + v[2] * t0), 1.0f));
-    walk->vx = (float)(v[0] * (double)info->width);
-    walk->vy = (float)(v[1] * (double)info->height);
-    walk->vz = (float)v[2];
-    walk->speed = sqrtf((float)(v[0] * v[0] + (double)info->aspect * (double)info->aspect * v[1] * v[1]));
-    walk->t_end = (float)(t1 - t0);
+    walk->pz = conemap__clamp01(o[2] + v[2] * t0);
+    walk->vx = v[0] * (double)info->width;
+    walk->vy = v[1] * (double)info->height;
+    walk->vz = v[2];
+    walk->speed = sqrt(v[0] * v[0] + (double)info->aspect * (double)info->aspect * v[1] * v[1]);
+    walk->t_end = t1 - t0;
     /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
-    walk->z_end = out == 2 ? (v[2] < 0.0 ? 0.0f : 1.0f)
-                           : conemap__max(0.0f, conemap__min((float)(o[2] + v[2] * t1), 1.0f));
+    walk->z_end = out == 2 ? (v[2] < 0.0 ? 0.0 : 1.0) : conemap__clamp01(o[2] + v[2] * t1);
     return 1;
 }
 
-CONEMAP__INLINE float conemap__ray_z(const conemap__walk *walk, float t) {
+CONEMAP__INLINE double conemap__ray_z(const conemap__walk *walk, double t) {
     return t >= walk->t_end ? walk->z_end : walk->pz + walk->vz * t;
 }
 
 /* When the ray leaves the span [low, high] of cell borders along one axis. */
-CONEMAP__INLINE float conemap__leave(float p, float v, int low, int high) {
-    return v > 0.0f ? ((float)high - p) / v : v < 0.0f ? ((float)low - p) / v : CONEMAP__FAR;
+CONEMAP__INLINE double conemap__leave(double p, double v, int low, int high) {
+    return v > 0.0 ? ((double)high - p) / v : v < 0.0 ? ((double)low - p) / v : CONEMAP__NEVER;
 }
 
 /* The cell of a position along one axis: never behind the cell before, whatever rounding says. */
-CONEMAP__INLINE int conemap__advance(float p, float v, float t, int cell) {
-    int next = conemap__floor(p + v * t);
-    return v > 0.0f ? conemap__maxi(next, cell) : v < 0.0f ? conemap__mini(next, cell) : cell;
+CONEMAP__INLINE int conemap__advance(double p, double v, double t, int cell) {
+    int next = conemap__floord(p + v * t);
+    return v > 0.0 ? conemap__maxi(next, cell) : v < 0.0 ? conemap__mini(next, cell) : cell;
 }
 
 /* Moves the walk to t, beyond the borders of the present cell. */
-CONEMAP__INLINE void conemap__jump(conemap__walk *walk, float t) {
+CONEMAP__INLINE void conemap__jump(conemap__walk *walk, double t) {
     walk->i = conemap__advance(walk->px, walk->vx, t, walk->i);
     walk->j = conemap__advance(walk->py, walk->vy, t, walk->j);
     walk->t = t;
@@ -2055,96 +2070,109 @@ CONEMAP__INLINE conemap__quad conemap__walk_quad(const conemap_map *map, const c
 }
 
 /* The place inside the present cell; rounding may put the position a little outside. */
-CONEMAP__INLINE float conemap__place(float p, float v, float t, int cell) {
-    return conemap__max(0.0f, conemap__min(p + v * t - (float)cell, 1.0f));
+CONEMAP__INLINE double conemap__place(double p, double v, double t, int cell) {
+    return conemap__clamp01(p + v * t - (double)cell);
 }
 
 /* Height and cone under the ray in the present cell. */
 CONEMAP__INLINE conemap__mix conemap__under(const conemap_map *map, const conemap__walk *walk) {
     return conemap__sample_cell(map, conemap__walk_quad(map, walk),
-                                conemap__place(walk->px, walk->vx, walk->t, walk->i),
-                                conemap__place(walk->py, walk->vy, walk->t, walk->j));
+                                (float)conemap__place(walk->px, walk->vx, walk->t, walk->i),
+                                (float)conemap__place(walk->py, walk->vy, walk->t, walk->j));
 }
 
 /* The same at any time of the walk, for tracers that do not walk cells. */
-static conemap__mix conemap__mix_at(const conemap_map *map, const conemap__walk *walk, float t) {
+static conemap__mix conemap__mix_at(const conemap_map *map, const conemap__walk *walk, double t) {
     conemap__walk there = *walk;
     there.t = t;
-    there.i = conemap__floor(walk->px + walk->vx * t);
-    there.j = conemap__floor(walk->py + walk->vy * t);
+    there.i = conemap__floord(walk->px + walk->vx * t);
+    there.j = conemap__floord(walk->py + walk->vy * t);
     return conemap__under(map, &there);
 }
 
 /* Ray height over the surface. */
-static float conemap__clearance(const conemap_map *map, const conemap__walk *walk, float t) {
-    return conemap__ray_z(walk, t) - conemap__mix_at(map, walk, t).height;
+static double conemap__clearance(const conemap_map *map, const conemap__walk *walk, double t) {
+    return conemap__ray_z(walk, t) - (double)conemap__mix_at(map, walk, t).height;
 }
 
 /* How far a ray that is `gap` over a cone's apex flies inside the cone: tan gap / (|v_xy| - tan v_z), the form of
    [BV24 Algorithm 1] that a cone of tan = 0 survives. A vertical ray meets the surface at its apex. */
-CONEMAP__INLINE float conemap__cone_step(const conemap__walk *walk, float tangent, float gap) {
-    float closing = walk->speed - tangent * walk->vz;
-    if (walk->speed == 0.0f) return walk->vz < 0.0f ? gap / -walk->vz : CONEMAP__FAR;
-    return closing > 0.0f ? tangent * gap / closing : CONEMAP__FAR;
+CONEMAP__INLINE double conemap__cone_step(const conemap__walk *walk, float tangent, double gap) {
+    double closing = walk->speed - (double)tangent * walk->vz;
+    if (walk->speed == 0.0) return walk->vz < 0.0 ? gap / -walk->vz : CONEMAP__NEVER;
+    return closing > 0.0 ? (double)tangent * gap / closing : CONEMAP__NEVER;
 }
 
 /* First t in [0, end] at which the ray meets the patch, from a point at (x, y, z) in the cell; -1 if none. The
    clearance along the ray is c + b t + a t^2, solved in the form that does not cancel. */
-static float conemap__patch_hit(const conemap__walk *walk, conemap__corners h, float x, float y, float z,
-                                float end) {
-    float hx = h.h10 - h.h00, hy = h.h01 - h.h00, hxy = (h.h11 - h.h01) - hx;
-    float c = z - conemap__bilinear(h, x, y);
-    float b = walk->vz - (hx * walk->vx + hy * walk->vy + hxy * (x * walk->vy + y * walk->vx));
-    float a = -hxy * walk->vx * walk->vy;
-    float discriminant = b * b - 4.0f * a * c, q, t0, t1;
-    if (c <= 0.0f) return 0.0f;
-    if (discriminant < 0.0f) return -1.0f;
-    q = -0.5f * (b + (b < 0.0f ? -sqrtf(discriminant) : sqrtf(discriminant)));
-    t0 = q != 0.0f ? c / q : CONEMAP__FAR;
-    t1 = a != 0.0f ? q / a : CONEMAP__FAR;
-    if (t0 < 0.0f) t0 = CONEMAP__FAR;
-    if (t1 < 0.0f) t1 = CONEMAP__FAR;
-    t0 = conemap__min(t0, t1);
-    return t0 <= end ? t0 : -1.0f;
+static double conemap__patch_hit(const conemap__walk *walk, conemap__corners h, double x, double y, double z,
+                                 double end) {
+    double h00 = (double)h.h00, hx = (double)h.h10 - h00, hy = (double)h.h01 - h00;
+    double hxy = (double)h.h11 - (double)h.h01 - hx;
+    double c = z - (h00 + hx * x + hy * y + hxy * (x * y));
+    double b = walk->vz - (hx * walk->vx + hy * walk->vy + hxy * (x * walk->vy + y * walk->vx));
+    double a = -hxy * (walk->vx * walk->vy);
+    double discriminant = b * b - 4.0 * a * c, q, first, second;
+    if (c <= 0.0) return 0.0;
+    if (discriminant < 0.0) return -1.0;
+    q = -0.5 * (b + (b < 0.0 ? -sqrt(discriminant) : sqrt(discriminant)));
+    first = q != 0.0 ? c / q : CONEMAP__NEVER;
+    second = a != 0.0 ? q / a : CONEMAP__NEVER;
+    if (first < 0.0) first = CONEMAP__NEVER;
+    if (second >= 0.0 && second < first) first = second;
+    return first <= end ? first : -1.0;
 }
 
 /* ---- results ---------------------------------------------------------------------------------------- */
 
-static float conemap__caller_t(const conemap__walk *walk, float t) {
-    return (float)((walk->t_start + (double)t) * walk->t_scale);
+static float conemap__caller_t(const conemap__walk *walk, double t) {
+    return (float)((walk->t_start + t) * walk->t_scale);
 }
 
-static void conemap__finish(const conemap__walk *walk, conemap_status status, float before, float t, float after,
-                            int steps, conemap_hit *hit) {
-    double along = (walk->t_start + (double)t) * walk->t_scale;
-    hit->status = status;
-    hit->inside = status == CONEMAP_HIT && t <= 0.0f;
+static void conemap__put_position(const conemap__walk *walk, double along, conemap_hit *hit) {
     hit->t = (float)along;
     hit->u = (float)((double)walk->ray->origin[0] + along * (double)walk->ray->direction[0]);
     hit->v = (float)((double)walk->ray->origin[1] + along * (double)walk->ray->direction[1]);
     hit->z = (float)((double)walk->ray->origin[2] + along * (double)walk->ray->direction[2]);
+}
+
+/* A hit, or a step cap where all three times are how far the ray came. */
+static void conemap__finish(const conemap__walk *walk, conemap_status status, double before, double t,
+                            double after, int steps, conemap_hit *hit) {
+    conemap__put_position(walk, (walk->t_start + t) * walk->t_scale, hit);
+    hit->status = status;
+    hit->inside = status == CONEMAP_HIT && after <= 0.0;
     hit->t_before = conemap__caller_t(walk, before);
     hit->t_after = conemap__caller_t(walk, after);
     hit->steps = steps;
 }
 
+/* A ray that met nothing. */
+static void conemap__miss(const conemap__walk *walk, int steps, conemap_hit *hit) {
+    conemap__put_position(walk, walk->t_gone * walk->t_scale, hit);
+    hit->status = walk->end_status;
+    hit->inside = 0;
+    hit->t_before = hit->t_after = hit->t;
+    hit->steps = steps;
+}
+
 /* Narrows the bracket (above before, at or below after) and chooses the hit in it; `guess` without refinement. */
 static void conemap__refine(const conemap_map *map, const conemap_trace_desc *desc, const conemap__walk *walk,
-                            float before, float guess, float after, int steps, conemap_hit *hit) {
+                            double before, double guess, double after, int steps, conemap_hit *hit) {
     int k;
     if (before < after && desc->refinement == CONEMAP_REFINE_SECANT) {
-        float above = conemap__clearance(map, walk, before), below = conemap__clearance(map, walk, after);
+        double above = conemap__clearance(map, walk, before), below = conemap__clearance(map, walk, after);
         if (above > below) guess = before + (after - before) * (above / (above - below));
-        guess = conemap__max(before, conemap__min(guess, after));
+        guess = guess < before ? before : guess > after ? after : guess;
     } else if (before < after && desc->refinement == CONEMAP_REFINE_BISECT) {
         for (k = 0; k < desc->refine_steps; ++k) {
-            float middle = 0.5f * (before + after);
-            if (conemap__clearance(map, walk, middle) > 0.0f)
+            double middle = 0.5 * (before + after);
+            if (conemap__clearance(map, walk, middle) > 0.0)
                 before = middle;
             else
                 after = middle;
         }
-        guess = 0.5f * (before + after);
+        guess = 0.5 * (before + after);
     }
     conemap__finish(walk, CONEMAP_HIT, before, guess, after, steps, hit);
 }
@@ -2153,57 +2181,62 @@ static void conemap__refine(const conemap_map *map, const conemap_trace_desc *de
 
 static void conemap__trace_linear(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                   conemap_hit *hit) {
-    float before = 0.0f, t = 0.0f;
+    double before = 0.0, t = 0.0;
     int k;
     for (k = 0; k <= desc->max_steps; ++k) {
-        t = k < desc->max_steps ? walk->t_end * ((float)k / (float)desc->max_steps) : walk->t_end;
-        if (conemap__clearance(map, walk, t) <= 0.0f) {
+        t = k < desc->max_steps ? walk->t_end * ((double)k / (double)desc->max_steps) : walk->t_end;
+        if (conemap__clearance(map, walk, t) <= 0.0) {
             conemap__refine(map, desc, walk, before, t, t, k, hit);
             return;
         }
         before = t;
     }
-    conemap__finish(walk, walk->end_status, t, t, t, desc->max_steps, hit);
+    conemap__miss(walk, desc->max_steps, hit);
 }
 
 /* [Dum06] _fixed and _loop: a number of cone steps without any test in between; steps may lead back. */
 static void conemap__trace_loop(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                 conemap_hit *hit) {
-    float before = 0.0f, t = 0.0f, gap;
+    double before = 0.0, t = 0.0, gap;
     int k, steps = desc->tracer == CONEMAP_TRACE_FIXED ? 10 : desc->max_steps;
     if (desc->tracer == CONEMAP_TRACE_LOOP && desc->adaptive_steps) {
-        float x = walk->vx / (float)map->info.width, y = walk->vy / (float)map->info.height;
-        float flat = sqrtf(x * x + y * y);
-        steps = (int)((float)steps * (0.5f + flat / sqrtf(flat * flat + walk->vz * walk->vz)));
+        double x = walk->vx / (double)map->info.width, y = walk->vy / (double)map->info.height;
+        steps = (int)((double)steps * (0.5 + sqrt((x * x + y * y) / (x * x + y * y + walk->vz * walk->vz))));
     }
     for (k = 0; k < steps; ++k) {
         conemap__mix mix = conemap__mix_at(map, walk, t);
-        gap = conemap__ray_z(walk, t) - mix.height;
-        if (gap > 0.0f) before = t;
-        t += desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
-        t = conemap__max(0.0f, conemap__min(t, walk->t_end));
+        gap = conemap__ray_z(walk, t) - (double)mix.height;
+        if (gap > 0.0) before = t;
+        if (gap <= 0.0 && k == 0) { /* a ray that begins inside has hit */
+            conemap__finish(walk, CONEMAP_HIT, t, t, t, k, hit);
+            return;
+        }
+        t += (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
+        t = t < 0.0 ? 0.0 : t > walk->t_end ? walk->t_end : t;
     }
     gap = conemap__clearance(map, walk, t);
-    if (gap <= 0.0f && before < t)
+    if (gap <= 0.0 && before < t)
         conemap__refine(map, desc, walk, before, t, t, steps, hit);
-    else if (gap <= desc->tolerance)
+    else if (gap <= (double)desc->tolerance)
         conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
+    else if (t >= walk->t_end)
+        conemap__miss(walk, steps, hit);
     else
-        conemap__finish(walk, t >= walk->t_end ? walk->end_status : CONEMAP_STEP_CAP, t, t, t, steps, hit);
+        conemap__finish(walk, CONEMAP_STEP_CAP, t, t, t, steps, hit);
 }
 
 /* [Dum06] _exact: a texel's width beyond the cone, so that the ray pierces the surface; then back off. */
 static void conemap__trace_exact_step(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                       conemap_hit *hit) {
-    float x = walk->vx / (float)map->info.width, y = walk->vy / (float)map->info.height;
-    float texel = 1.0f / (float)conemap__maxi(map->info.width, map->info.height);
-    float extra = texel / sqrtf(x * x + y * y + walk->vz * walk->vz), before = 0.0f, t = 0.0f;
+    double x = walk->vx / (double)map->info.width, y = walk->vy / (double)map->info.height;
+    double texel = 1.0 / (double)conemap__maxi(map->info.width, map->info.height);
+    double extra = texel / sqrt(x * x + y * y + walk->vz * walk->vz), before = 0.0, t = 0.0;
     int steps = 0;
     for (;;) {
         conemap__mix mix = conemap__mix_at(map, walk, t);
-        float gap = conemap__ray_z(walk, t) - mix.height;
-        if (gap <= 0.0f) {
-            conemap__refine(map, desc, walk, before, conemap__max(before, t - extra), t, steps, hit);
+        double gap = conemap__ray_z(walk, t) - (double)mix.height;
+        if (gap <= 0.0) {
+            conemap__refine(map, desc, walk, before, t - extra > before ? t - extra : before, t, steps, hit);
             return;
         }
         if (t >= walk->t_end) break;
@@ -2212,23 +2245,42 @@ static void conemap__trace_exact_step(const conemap_map *map, const conemap_trac
             return;
         }
         before = t;
-        t += desc->step_scale * conemap__cone_step(walk, mix.tangent, gap) + extra;
-        if (!(t > before)) t = walk->t_end; /* a texel is below the last bit of t only at the very end */
-        t = conemap__min(t, walk->t_end);
+        t += (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap) + extra;
+        if (t > walk->t_end) t = walk->t_end;
         ++steps;
     }
-    conemap__finish(walk, walk->end_status, t, t, t, steps, hit);
+    conemap__miss(walk, steps, hit);
+}
+
+/* When the walk meets the first border of its cell or block: never before now. */
+CONEMAP__INLINE double conemap__next_border(const conemap__walk *walk, double leave_i, double leave_j) {
+    double leave = leave_i < leave_j ? leave_i : leave_j;
+    return leave > walk->t ? leave : walk->t;
+}
+
+/* To the end of the cone or of the cell, whichever is farther, or to the ray's end. */
+CONEMAP__INLINE void conemap__step_on(conemap__walk *walk, double cone, double leave_i, double leave_j,
+                                      double leave) {
+    if (cone >= walk->t_end || leave >= walk->t_end) {
+        conemap__jump(walk, walk->t_end);
+    } else if (cone > leave) {
+        conemap__jump(walk, cone);
+    } else {
+        if (leave_i <= leave_j) walk->i += walk->vx > 0.0 ? 1 : -1;
+        if (leave_j <= leave_i) walk->j += walk->vy > 0.0 ? 1 : -1;
+        walk->t = leave;
+    }
 }
 
 /* [BV24] Algorithm 1: to the end of the cone or of the bilinear cell, whichever is farther. */
 static void conemap__trace_cell_max(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                     conemap_hit *hit) {
-    float before = 0.0f;
+    double before = 0.0;
     int steps = 0;
     for (;;) {
         conemap__mix mix = conemap__under(map, walk);
-        float gap = conemap__ray_z(walk, walk->t) - mix.height, leave_i, leave_j, leave, cone;
-        if (gap <= 0.0f) {
+        double gap = conemap__ray_z(walk, walk->t) - (double)mix.height, leave_i, leave_j, leave, cone;
+        if (gap <= 0.0) {
             conemap__refine(map, desc, walk, before, walk->t, walk->t, steps, hit);
             return;
         }
@@ -2240,20 +2292,77 @@ static void conemap__trace_cell_max(const conemap_map *map, const conemap_trace_
         before = walk->t;
         leave_i = conemap__leave(walk->px, walk->vx, walk->i, walk->i + 1);
         leave_j = conemap__leave(walk->py, walk->vy, walk->j, walk->j + 1);
-        leave = conemap__max(walk->t, conemap__min(leave_i, leave_j));
-        cone = walk->t + desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
-        if (cone > leave && cone < walk->t_end) {
-            conemap__jump(walk, cone);
-        } else if (leave < walk->t_end && cone < walk->t_end) {
-            if (leave_i <= leave_j) walk->i += walk->vx > 0.0f ? 1 : -1;
-            if (leave_j <= leave_i) walk->j += walk->vy > 0.0f ? 1 : -1;
-            walk->t = leave;
-        } else {
-            conemap__jump(walk, walk->t_end);
-        }
+        leave = conemap__next_border(walk, leave_i, leave_j);
+        cone = walk->t + (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
+        conemap__step_on(walk, cone, leave_i, leave_j, leave);
         ++steps;
     }
-    conemap__finish(walk, walk->end_status, walk->t, walk->t, walk->t, steps, hit);
+    conemap__miss(walk, steps, hit);
+}
+
+/* How long the walk flies until it meets the patch of its cell before `end`, exactly; -1 if it does not. */
+CONEMAP__INLINE double conemap__walk_hit(const conemap__walk *walk, conemap__corners h, double end) {
+    double x = conemap__place(walk->px, walk->vx, walk->t, walk->i);
+    double y = conemap__place(walk->py, walk->vy, walk->t, walk->j);
+    double hit = conemap__patch_hit(walk, h, x, y, conemap__ray_z(walk, walk->t), end - walk->t);
+    /* On the ray's end the height is exact, which the quadratic's is not. */
+    if (hit < 0.0 && end >= walk->t_end &&
+        walk->z_end <= (double)conemap__bilinear(h, (float)conemap__place(walk->px, walk->vx, end, walk->i),
+                                                 (float)conemap__place(walk->py, walk->vy, end, walk->j)))
+        hit = end - walk->t;
+    return hit;
+}
+
+/* The same with the clearance interpolated between the two ends of the way through the cell. */
+CONEMAP__INLINE double conemap__linear_hit(const conemap__walk *walk, conemap__corners h, double end) {
+    double above = conemap__ray_z(walk, walk->t) -
+                   (double)conemap__bilinear(h, (float)conemap__place(walk->px, walk->vx, walk->t, walk->i),
+                                             (float)conemap__place(walk->py, walk->vy, walk->t, walk->j));
+    double below = conemap__ray_z(walk, end) -
+                   (double)conemap__bilinear(h, (float)conemap__place(walk->px, walk->vx, end, walk->i),
+                                             (float)conemap__place(walk->py, walk->vy, end, walk->j));
+    if (above <= 0.0) return 0.0;
+    return below <= 0.0 ? (end - walk->t) * (above / (above - below)) : -1.0;
+}
+
+/* Cone stepping that misses nothing: in every cell that the ray enters it is met with the bilinear patch itself,
+   and only then goes on to the end of the cone or of the cell. No step is shorter than to a border, so W + H + 2 cells
+   at most lie between two cones, and neither an epsilon nor a cap is needed. Any hit is the first one if the
+   interpolated cones are safe. */
+static void conemap__trace_exact(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
+                                 conemap_hit *hit) {
+    int steps = 0;
+    for (;;) {
+        conemap__quad quad = conemap__walk_quad(map, walk);
+        conemap__corners h = conemap__gather(map->heights, quad);
+        double leave_i = conemap__leave(walk->px, walk->vx, walk->i, walk->i + 1);
+        double leave_j = conemap__leave(walk->py, walk->vy, walk->j, walk->j + 1);
+        double leave = conemap__next_border(walk, leave_i, leave_j), end = leave < walk->t_end ? leave : walk->t_end;
+        double z = conemap__ray_z(walk, walk->t), z_end = conemap__ray_z(walk, end), top = (double)conemap__highest(h);
+        double t, gap;
+        conemap__mix mix;
+        ++steps;
+        /* A rising ray is lowest where it enters, a falling one where it leaves. */
+        if (z <= top || z_end <= top) {
+            t = conemap__walk_hit(walk, h, end);
+            if (t >= 0.0) {
+                t += walk->t;
+                conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
+                return;
+            }
+        }
+        if (end >= walk->t_end) break;
+        if (desc->max_steps && steps >= desc->max_steps) {
+            conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
+            return;
+        }
+        mix = conemap__under(map, walk);
+        gap = z - (double)mix.height - (double)CONEMAP__APEX_SLACK;
+        if (gap < 0.0) gap = 0.0;
+        conemap__step_on(walk, walk->t + (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap), leave_i,
+                         leave_j, leave);
+    }
+    conemap__miss(walk, steps, hit);
 }
 
 /* A block of the cell pyramid under the walk: its borders in walk coordinates and its maximum. */
@@ -2286,13 +2395,13 @@ static conemap__block conemap__block_under(const conemap_map *map, const conemap
 
 /* Leaves a block at time t through the borders that come first: the cell behind them, and for the other axis the
    cell of the position, kept inside the block. */
-static void conemap__leave_block(conemap__walk *walk, const conemap__block *b, float leave_i, float leave_j,
-                                 float t) {
+static void conemap__leave_block(conemap__walk *walk, const conemap__block *b, double leave_i, double leave_j,
+                                 double t) {
     int i = conemap__advance(walk->px, walk->vx, t, walk->i);
     int j = conemap__advance(walk->py, walk->vy, t, walk->j);
-    walk->i = leave_i <= leave_j ? (walk->vx > 0.0f ? b->high_i : b->low_i - 1)
+    walk->i = leave_i <= leave_j ? (walk->vx > 0.0 ? b->high_i : b->low_i - 1)
                                  : conemap__maxi(b->low_i, conemap__mini(i, b->high_i - 1));
-    walk->j = leave_j <= leave_i ? (walk->vy > 0.0f ? b->high_j : b->low_j - 1)
+    walk->j = leave_j <= leave_i ? (walk->vy > 0.0 ? b->high_j : b->low_j - 1)
                                  : conemap__maxi(b->low_j, conemap__mini(j, b->high_j - 1));
     walk->t = t;
 }
@@ -2305,7 +2414,7 @@ static void conemap__trace_blocks(const conemap_map *map, const conemap_trace_de
     int top = map->cells.levels - 1, k = top, steps = 0, exact = desc->tracer == CONEMAP_TRACE_MAXMIP;
     for (;;) {
         conemap__block b;
-        float leave_i, leave_j, end, low;
+        double leave_i, leave_j, end, low, low_end;
         if (desc->max_steps && steps >= desc->max_steps) {
             conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
             return;
@@ -2314,11 +2423,14 @@ static void conemap__trace_blocks(const conemap_map *map, const conemap_trace_de
         b = conemap__block_under(map, walk, k);
         leave_i = conemap__leave(walk->px, walk->vx, b.low_i, b.high_i);
         leave_j = conemap__leave(walk->py, walk->vy, b.low_j, b.high_j);
-        end = conemap__min(conemap__max(walk->t, conemap__min(leave_i, leave_j)), walk->t_end);
-        low = conemap__min(conemap__ray_z(walk, walk->t), conemap__ray_z(walk, end));
-        if (low <= b.highest && k > 0) {
-            if (!exact && walk->vz < 0.0f) { /* [Dro18] goes on to the block's top before it goes deeper */
-                float t = conemap__min((b.highest - walk->pz) / walk->vz, end);
+        end = conemap__next_border(walk, leave_i, leave_j);
+        if (end > walk->t_end) end = walk->t_end;
+        low = conemap__ray_z(walk, walk->t);
+        low_end = conemap__ray_z(walk, end);
+        if (low_end < low) low = low_end;
+        if (low <= (double)b.highest && k > 0) {
+            if (!exact && walk->vz < 0.0) { /* [Dro18] goes on to the block's top before it goes deeper */
+                double t = ((double)b.highest - walk->pz) / walk->vz;
                 if (t > walk->t && t < end) {
                     walk->i = conemap__maxi(b.low_i, conemap__mini(conemap__advance(walk->px, walk->vx, t, walk->i),
                                                                    b.high_i - 1));
@@ -2330,25 +2442,17 @@ static void conemap__trace_blocks(const conemap_map *map, const conemap_trace_de
             --k;
             continue;
         }
-        if (low <= b.highest) {
+        if (low <= (double)b.highest) {
             conemap__corners h = conemap__gather(map->heights, conemap__walk_quad(map, walk));
-            float x = conemap__place(walk->px, walk->vx, walk->t, walk->i);
-            float y = conemap__place(walk->py, walk->vy, walk->t, walk->j);
-            float z = conemap__ray_z(walk, walk->t), z_end = conemap__ray_z(walk, end), t = -1.0f;
-            float above = z - conemap__bilinear(h, x, y);
-            float below = z_end - conemap__bilinear(h, conemap__place(walk->px, walk->vx, end, walk->i),
-                                                    conemap__place(walk->py, walk->vy, end, walk->j));
-            if (exact) t = conemap__patch_hit(walk, h, x, y, z, end - walk->t);
-            if (t < 0.0f && above <= 0.0f) t = 0.0f;
-            if (t < 0.0f && below <= 0.0f) t = (end - walk->t) * (above / (above - below));
-            if (t >= 0.0f) {
+            double t = exact ? conemap__walk_hit(walk, h, end) : conemap__linear_hit(walk, h, end);
+            if (t >= 0.0) {
                 t += walk->t;
                 conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
                 return;
             }
         }
         if (end >= walk->t_end) {
-            conemap__finish(walk, walk->end_status, end, end, end, steps, hit);
+            conemap__miss(walk, steps, hit);
             return;
         }
         conemap__leave_block(walk, &b, leave_i, leave_j, end);
@@ -2364,7 +2468,7 @@ static conemap_result conemap__resolve_trace(conemap_trace_desc *desc) {
     if (desc->refine_steps < 0 || desc->refine_steps > 64 || desc->max_steps < 0 ||
         !conemap__in_range(desc->step_scale, 0.0f, 1e6f) || !conemap__in_range(desc->tolerance, 0.0f, 1.0f))
         return CONEMAP_ERROR_PARAMETER;
-    if (desc->tracer == CONEMAP_TRACE_DEFAULT) desc->tracer = CONEMAP_TRACE_CELL_MAX;
+    if (desc->tracer == CONEMAP_TRACE_DEFAULT) desc->tracer = CONEMAP_TRACE_EXACT;
     if (desc->refine_steps == 0) desc->refine_steps = 7;
     if (desc->max_steps == 0 && desc->tracer == CONEMAP_TRACE_LINEAR) desc->max_steps = 200;
     if (desc->max_steps == 0 && desc->tracer == CONEMAP_TRACE_LOOP) desc->max_steps = 20;
@@ -2377,7 +2481,7 @@ static void conemap__trace_ray(const conemap_map *map, const conemap_trace_desc 
                                conemap_hit *hit) {
     conemap__walk walk;
     if (!conemap__enter(map, ray, &walk)) {
-        conemap__finish(&walk, walk.end_status, 0.0f, 0.0f, 0.0f, 0, hit);
+        conemap__miss(&walk, 0, hit);
         return;
     }
     switch (desc->tracer) {
@@ -2387,7 +2491,8 @@ static void conemap__trace_ray(const conemap_map *map, const conemap_trace_desc 
     case CONEMAP_TRACE_EXACT_STEP: conemap__trace_exact_step(map, desc, &walk, hit); break;
     case CONEMAP_TRACE_MAXMIP:
     case CONEMAP_TRACE_QDM: conemap__trace_blocks(map, desc, &walk, hit); break;
-    default: conemap__trace_cell_max(map, desc, &walk, hit); break;
+    case CONEMAP_TRACE_CELL_MAX: conemap__trace_cell_max(map, desc, &walk, hit); break;
+    default: conemap__trace_exact(map, desc, &walk, hit); break;
     }
 }
 
@@ -2437,6 +2542,8 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__FILE_WORDS
 #undef CONEMAP__FILE_HEADER
 #undef CONEMAP__REACH
+#undef CONEMAP__NEVER
+#undef CONEMAP__APEX_SLACK
 
 #endif /* CONEMAP_IMPLEMENTATION */
 

@@ -1,0 +1,194 @@
+#!/usr/bin/env bash
+# The heavier checks. Each part prints `ok`, `FAILED` or `skipped` (with the missing tool); a failure anywhere makes the
+# exit status 1. `check.sh WORD` runs the parts whose name holds WORD.
+set -u
+cd "$(dirname "$0")/.."
+only=${1:-}
+work=build/check
+mkdir -p "$work" out
+warn="-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Werror"
+suite="tests/*.c"
+strict="-ffp-contract=off"
+ok=0 failed=0 skipped=0
+
+have() { command -v "$1" >/dev/null 2>&1; }
+
+# part NAME COMMAND...: runs it, keeps its output, shows the end of it when it fails.
+part() {
+    local name=$1 log
+    shift
+    case "$name" in *"$only"*) ;; *) return 0 ;; esac
+    log=$work/$(printf %s "$name" | tr -c 'A-Za-z0-9.+-' _).log
+    if "$@" >"$log" 2>&1; then
+        ok=$((ok + 1))
+        printf 'ok       %s\n' "$name"
+    else
+        failed=$((failed + 1))
+        printf 'FAILED   %s\n' "$name"
+        tail -n 25 "$log" | sed 's/^/         | /'
+    fi
+}
+
+skip() {
+    case "$1" in *"$only"*) ;; *) return 0 ;; esac
+    skipped=$((skipped + 1))
+    printf 'skipped  %s: no %s\n' "$1" "$2"
+}
+
+# need NAME TOOL...: true if every tool is there; says what is missing otherwise.
+need() {
+    local name=$1 tool
+    shift
+    for tool in "$@"; do
+        have "$tool" || { skip "$name" "$tool"; return 1; }
+    done
+}
+
+# ---- warnings: every compiler and standard, with and without the implementation, shared and static --------
+sources() {
+    cat >"$work/use.c" <<'END'
+#include "conemap.h"
+int main(void) { return conemap_result_string(CONEMAP_OK) == 0; }
+END
+    printf '#define CONEMAP_IMPLEMENTATION\n#include "conemap.h"\n' >"$work/impl.c"
+    printf '#define CONEMAP_STATIC\n#define CONEMAP_IMPLEMENTATION\n#include "conemap.h"\nint other(void);\nint other(void) { conemap_free(0); return 0; }\n' >"$work/static.c"
+    local f
+    for f in use impl static; do cp "$work/$f.c" "$work/$f.cc"; done
+}
+sources
+
+warnings() { # COMPILER STANDARD SUFFIX
+    local f o
+    for f in use impl static; do
+        for o in -O0 -O2 -O3; do
+            # shellcheck disable=SC2086
+            "$1" -std="$2" $warn $o -I. -c "$work/$f.$3" -o "$work/w.o" || return 1
+        done
+    done
+}
+for compiler in gcc clang; do
+    for standard in c99 c11 gnu99 gnu17; do
+        need "warnings $compiler $standard" $compiler && part "warnings $compiler $standard" warnings $compiler $standard c
+    done
+done
+for compiler in g++ clang++; do
+    for standard in c++11 c++14 c++17 c++20 gnu++17; do
+        need "warnings $compiler $standard" $compiler && part "warnings $compiler $standard" warnings $compiler $standard cc
+    done
+done
+
+tests_and_examples() { # COMPILER
+    local f
+    for f in tests/*.c examples/*.c; do
+        case "$f" in *stb_image_impl.c) continue ;; esac
+        # shellcheck disable=SC2086
+        "$1" -std=c99 $warn $strict -O2 -I. -c "$f" -o "$work/w.o" || return 1
+    done
+}
+for compiler in gcc clang; do
+    need "warnings in tests and examples, $compiler" $compiler &&
+        part "warnings in tests and examples, $compiler" tests_and_examples $compiler
+done
+
+# ---- the header leaks nothing but conemap_ and CONEMAP_ ---------------------------------------------------
+leaks() {
+    printf '#include <stddef.h>\n#include <stdint.h>\n#include <math.h>\n#include <string.h>\n#include <stdlib.h>\n' >"$work/base.c"
+    cat "$work/base.c" "$work/impl.c" >"$work/leak.c"
+    gcc -dM -E -I. "$work/base.c" | sort >"$work/base.txt"
+    gcc -dM -E -I. "$work/leak.c" | sort >"$work/leak.txt"
+    ! comm -13 "$work/base.txt" "$work/leak.txt" | awk '{print $2}' | grep -v '^CONEMAP_' || return 1
+    # Private macros are all undefined again.
+    ! comm -13 "$work/base.txt" "$work/leak.txt" | awk '{print $2}' | grep '^CONEMAP__' || return 1
+    gcc -c -I. "$work/impl.c" -o "$work/leak.o"
+    ! nm -g --defined-only "$work/leak.o" | awk '{print $3}' | grep -v '^conemap_' || return 1
+    ! nm -g --defined-only "$work/leak.o" | awk '{print $3}' | grep '^conemap__' || return 1
+    ! nm "$work/leak.o" | grep -iE ' [bd] ' # no mutable globals
+}
+need "no leaked names, no mutable globals" gcc nm && part "no leaked names, no mutable globals" leaks
+
+# ---- the suite under other compilers, levels and targets ------------------------------------------------------
+suite_run() { # RUNNER COMPILER FLAGS...
+    local runner=$1 compiler=$2
+    shift 2
+    # shellcheck disable=SC2086
+    $compiler -I. "$@" $suite -o "$work/suite" -lm || return 1
+    # shellcheck disable=SC2086
+    $runner "$work/suite" $CHECK_FILTER
+}
+CHECK_FILTER=
+need "suite clang -O2" clang && part "suite clang -O2" suite_run "" clang -std=c99 $strict -O2
+need "suite gcc -O0" gcc && part "suite gcc -O0" suite_run "" gcc -std=c99 $strict -O0
+need "suite gcc -O3 -march=native" gcc && part "suite gcc -O3 -march=native" suite_run "" gcc -std=gnu11 $strict -O3 -march=native
+need "suite clang -O3 -march=native" clang && part "suite clang -O3 -march=native" suite_run "" clang -std=gnu11 $strict -O3 -march=native
+need "suite g++ -std=c++11" g++ && part "suite g++ -std=c++11" suite_run "" "g++ -x c++" -std=c++11 $strict -O2
+need "suite tcc" tcc && part "suite tcc" suite_run "" tcc -std=c99
+# These keep the guarantees but not the bits, so only tests of guarantees are asked.
+for flags in "-Ofast -march=native" "-O2 -ffast-math"; do
+    # shellcheck disable=SC2086
+    need "guarantees gcc $flags" gcc && CHECK_FILTER=tracers part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
+done
+
+# ---- sanitizers and valgrind ----------------------------------------------------------------------------------
+for compiler in gcc clang; do
+    need "sanitizers $compiler" $compiler && part "sanitizers $compiler" suite_run "" $compiler -std=c99 $strict -g -O1 \
+        -fsanitize=address,undefined -fno-sanitize-recover=all
+done
+valgrind_run() {
+    # shellcheck disable=SC2086
+    gcc -std=c99 $strict -g -O2 -I. $suite -o "$work/suite" -lm || return 1
+    local area
+    for area in formats builds inputs samples; do
+        valgrind -q --error-exitcode=9 --leak-check=full "$work/suite" $area || return 1
+    done
+}
+need "valgrind" valgrind gcc && part "valgrind" valgrind_run
+
+# ---- foreign targets in emulators: 32 bit, big-endian, other float units -----------------------------------------
+foreign() { # COMPILER EMULATOR FLAGS...
+    local compiler=$1 emulator=$2
+    shift 2
+    # shellcheck disable=SC2086
+    $compiler -std=c99 -static -O2 $strict -I. "$@" $suite -o "$work/foreign" -lm || return 1
+    local area
+    for area in formats builds inputs samples; do $emulator "$work/foreign" $area || return 1; done
+    $emulator "$work/foreign" oracle/exhaustive || return 1
+}
+for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu: ppc64:powerpc64-linux-gnu: riscv64:riscv64-linux-gnu: \
+    arm:arm-linux-gnueabihf:-mfpu=neon i386:i686-linux-gnu:"-msse2 -mfpmath=sse"; do
+    IFS=: read -r machine triple flags <<<"$target"
+    need "target $triple" "$triple-gcc" "qemu-$machine" &&
+        part "target $triple" foreign "$triple-gcc" "qemu-$machine" $flags
+done
+x87() {
+    # shellcheck disable=SC2086
+    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -I. $suite -o "$work/foreign" -lm || return 1
+    qemu-i386 "$work/foreign" tracers
+}
+need "guarantees x87" i686-linux-gnu-gcc qemu-i386 && part "guarantees x87" x87
+windows() {
+    # shellcheck disable=SC2086
+    x86_64-w64-mingw32-gcc -std=c99 -O2 $strict $warn -I. $suite -o "$work/suite.exe"
+}
+need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" windows
+
+# ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
+fuzz() {
+    clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/fuzz/fuzz.c -o "$work/fuzz" -lm || return 1
+    mkdir -p "$work/corpus"
+    "$work/fuzz" -seed=1 -runs=40000 -max_len=700 -max_total_time=60 "$work/corpus"
+}
+need "fuzz smoke" clang && part "fuzz smoke" fuzz
+
+# ---- the examples as a person runs them ---------------------------------------------------------------------------
+need "examples" make && part "examples" sh tests/examples.sh
+elsewhere() { # a clean copy in a folder whose name has spaces
+    local copy="$work/a folder with spaces"
+    rm -rf "$copy"
+    mkdir -p "$copy"
+    cp -r conemap.h Makefile tests examples "$copy/"
+    make -C "$copy" -j2 all >/dev/null && make -C "$copy" demo && make -C "$copy" clean
+}
+need "clean copy in a path with spaces" make && part "clean copy in a path with spaces" elsewhere
+
+printf '%d parts ok, %d failed, %d skipped\n' $ok $failed $skipped
+[ $failed = 0 ]

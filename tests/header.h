@@ -1,0 +1,58 @@
+/* What header_c.c, header_cc.cc, static_a.c and static_b.c all do with the library: use every function once, so
+   that private copies leave none unused, and return a cone. Include conemap.h first. */
+#ifndef HEADER_H
+#define HEADER_H
+
+#include <string.h>
+
+static int header_progress(double done, void *user)
+{
+    (void)user;
+    return done > 2.0;
+}
+
+static float header_cone(const float heights[4])
+{
+    conemap_desc desc;
+    conemap_map map, loaded;
+    conemap_info info;
+    conemap_ray ray = {{0.5f, 0.5f, 1.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+    conemap_hit hit;
+    conemap_sample sample;
+    conemap_format_numbers numbers;
+    unsigned char bytes[512];
+    size_t memory, scratch;
+    float cone;
+    int pass, job, wrong = 0;
+
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = heights;
+    desc.heights.width = 2;
+    desc.heights.height = 2;
+    desc.progress = header_progress;
+    wrong |= conemap_memory(&desc, &memory, &scratch) != CONEMAP_OK;
+    wrong |= conemap_begin(&desc, &map) != CONEMAP_OK;
+    for (pass = 0; pass < conemap_pass_count(&map); ++pass) {
+        for (job = 0; job < conemap_job_count(&map, pass); ++job) {
+            wrong |= conemap_run_job(&map, pass, job) != CONEMAP_OK;
+        }
+    }
+    wrong |= conemap_end(&map) != CONEMAP_OK;
+    conemap_free(&map);
+    if (wrong || conemap_build(&desc, &map) != CONEMAP_OK) return -1.0f;
+    cone = conemap_decode(&map.info, map.heights[0], map.cones[0]);
+    wrong |= conemap_trace(&map, NULL, &ray, &hit, 1) != CONEMAP_OK || hit.status != CONEMAP_HIT;
+    wrong |= conemap_sample_at(&map, 0.5f, 0.5f, &sample) != CONEMAP_OK;
+    wrong |= conemap_texture_size(&map, 0) != 2 * conemap_row_size(&map);
+    wrong |= conemap_write_texture(&map, bytes, sizeof bytes, 0) != CONEMAP_OK;
+    wrong |= conemap_save(&map, bytes, sizeof bytes) != CONEMAP_OK;
+    wrong |= conemap_load_info(bytes, conemap_save_size(&map), &info) != CONEMAP_OK;
+    wrong |= conemap_load(bytes, conemap_save_size(&map), NULL, &loaded) != CONEMAP_OK;
+    wrong |= conemap_get_format_numbers(&info.texture, &numbers) != CONEMAP_OK;
+    wrong |= strcmp(conemap_result_string(CONEMAP_OK), "no error") != 0;
+    conemap_free(&loaded);
+    conemap_free(&map);
+    return wrong ? -1.0f : cone;
+}
+
+#endif
