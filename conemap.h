@@ -193,8 +193,9 @@ typedef enum conemap_layout { /* the channels of a texel */
 } conemap_layout;
 
 typedef enum conemap_generator {
-    CONEMAP_GENERATE_DEFAULT = 0,    /* CONEMAP_QUICK */
-    CONEMAP_RING,                    /* the widest vertex cones: ring search with early out [Dum06]; slow */
+    CONEMAP_GENERATE_DEFAULT = 0,    /* CONEMAP_EXACT */
+    CONEMAP_EXACT,                   /* the widest cones, by branch and bound over a max pyramid */
+    CONEMAP_RING,                    /* the same cones by ring search with early out [Dum06]; slow */
     CONEMAP_QUICK_NAIVE,             /* conservative, narrow: [VB22] Algorithm 1 */
     CONEMAP_QUICK,                   /* conservative, wider: [VB22] Algorithm 2 with its diagonals mended */
     CONEMAP_QUICK_NAIVE_CENTER,      /* texel-centre heuristic on Algorithm 1: wider, not safe [VB22] */
@@ -285,7 +286,8 @@ typedef struct conemap_info {
     uint64_t height_hash;   /* of the decoded heights */
 } conemap_info;
 
-/* Maxima over square blocks, halved and rounded up per level until one block is left. */
+/* Maxima over square blocks, halved and rounded up per level until one block is left; each level in quads of
+   2 x 2 blocks, row by row. */
 typedef struct conemap_pyramid {
     int levels;             /* 0: none kept */
     int width[17], height[17];
@@ -729,7 +731,7 @@ static float conemap__store_cone(const conemap_info *info, float height, float t
    P Y R A M I D
 
    Level k holds maxima over blocks of 2^k x 2^k; sizes are halved and rounded up, so the last row or column
-   of blocks may be thinner and nothing is dropped.
+   of blocks may be thinner and nothing is dropped. The four children of a block lie together (a quad).
    ====================================================================================================== */
 
 CONEMAP__INLINE int conemap__repeat(int i, int size) {
@@ -806,42 +808,60 @@ static int conemap__levels(int width, int height) {
     return levels;
 }
 
-/* Fills in the sizes; adds the floats of levels 1 and up to *bytes, for the caller to hand out. */
-static int conemap__pyramid_plan(conemap_pyramid *pyramid, int width, int height, size_t *bytes) {
+/* Fills in the sizes and adds the bytes of the levels from `first` up to *bytes, for the caller to hand out. */
+static int conemap__pyramid_plan(conemap_pyramid *pyramid, int width, int height, int first, size_t *bytes) {
     int k;
     memset(pyramid, 0, sizeof *pyramid);
     pyramid->levels = conemap__levels(width, height);
     for (k = 0; k < pyramid->levels; ++k) {
         pyramid->width[k] = width;
         pyramid->height[k] = height;
-        if (k > 0 && !conemap__add_size(bytes, (size_t)width * (size_t)height, sizeof(float))) return 0;
         width = (width + 1) / 2;
         height = (height + 1) / 2;
+        if (k >= first && !conemap__add_size(bytes, (size_t)width * (size_t)height, 4 * sizeof(float))) return 0;
     }
     return 1;
 }
 
-/* What level 0 holds: texels, or the maxima of bilinear cells, which are not stored. */
-CONEMAP__INLINE float conemap__level_value(const conemap_map *map, const conemap_pyramid *pyramid, int k, int x,
-                                           int y) {
-    if (pyramid->level[k]) return pyramid->level[k][(size_t)y * (size_t)pyramid->width[k] + (size_t)x];
+/* The four children of block (x, y) of level k + 1. */
+CONEMAP__INLINE float *conemap__children(const conemap_pyramid *pyramid, int k, int x, int y) {
+    return pyramid->level[k] + 4 * ((size_t)y * (size_t)((pyramid->width[k] + 1) / 2) + (size_t)x);
+}
+
+CONEMAP__INLINE float conemap__block_max(const conemap_pyramid *pyramid, int k, int x, int y) {
+    return conemap__children(pyramid, k, x / 2, y / 2)[2 * (y & 1) + (x & 1)];
+}
+
+CONEMAP__INLINE float conemap__cell_max(const conemap_map *map, int x, int y) {
     return conemap__highest(
         conemap__gather(map->heights, conemap__cell_quad(map, x - conemap__first_cell(map->info.wrap_u),
                                                          y - conemap__first_cell(map->info.wrap_v))));
 }
 
+/* Level k from level k - 1. Level 0 of the texels is a copy of the heights; that of the cells is not stored. */
 static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyramid, int k, int y0, int y1) {
-    int x, y;
+    int w = pyramid->width[k], h = pyramid->height[k], x, y;
     for (y = y0; y < y1; ++y)
-        for (x = 0; x < pyramid->width[k]; ++x) {
-            int right = conemap__mini(2 * x + 1, pyramid->width[k - 1] - 1);
-            int below = conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1);
-            conemap__corners c;
-            c.h00 = conemap__level_value(map, pyramid, k - 1, 2 * x, 2 * y);
-            c.h10 = conemap__level_value(map, pyramid, k - 1, right, 2 * y);
-            c.h01 = conemap__level_value(map, pyramid, k - 1, 2 * x, below);
-            c.h11 = conemap__level_value(map, pyramid, k - 1, right, below);
-            pyramid->level[k][(size_t)y * (size_t)pyramid->width[k] + (size_t)x] = conemap__highest(c);
+        for (x = 0; x < w; ++x) {
+            float *children = conemap__children(pyramid, k, x / 2, y / 2);
+            float highest;
+            if (k == 0) {
+                highest = conemap__height(map, x, y);
+            } else if (pyramid->level[k - 1]) {
+                const float *below = conemap__children(pyramid, k - 1, x, y);
+                highest = conemap__max(conemap__max(below[0], below[1]), conemap__max(below[2], below[3]));
+            } else {
+                int right = conemap__mini(2 * x + 1, pyramid->width[0] - 1);
+                int under = conemap__mini(2 * y + 1, pyramid->height[0] - 1);
+                highest = conemap__max(
+                    conemap__max(conemap__cell_max(map, 2 * x, 2 * y), conemap__cell_max(map, right, 2 * y)),
+                    conemap__max(conemap__cell_max(map, 2 * x, under), conemap__cell_max(map, right, under)));
+            }
+            children[2 * (y & 1) + (x & 1)] = highest;
+            /* Blocks that complete the last quads lie below everything. */
+            if (x == w - 1 && !(x & 1)) children[2 * (y & 1) + 1] = -1.0f;
+            if (y == h - 1 && !(y & 1)) children[2 + (x & 1)] = -1.0f;
+            if (x == w - 1 && y == h - 1 && !(x & 1) && !(y & 1)) children[3] = -1.0f;
         }
 }
 
@@ -851,8 +871,9 @@ static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyram
 
 static void conemap__pyramid_strip(const conemap_map *map, conemap_pyramid *pyramid, int strip) {
     int k;
-    for (k = 1; k <= CONEMAP__STRIP_LEVELS && k < pyramid->levels; ++k) {
+    for (k = 0; k <= CONEMAP__STRIP_LEVELS && k < pyramid->levels; ++k) {
         int rows = CONEMAP__STRIP >> k;
+        if (!pyramid->level[k]) continue;
         conemap__pyramid_rows(map, pyramid, k, strip * rows,
                               conemap__mini((strip + 1) * rows, pyramid->height[k]));
     }
@@ -988,6 +1009,91 @@ CONEMAP__INLINE float conemap__ring(const conemap_map *map, conemap_generator ge
     return s;
 }
 
+/* A block that may hold something steeper, waiting its turn: dh^2 of its maximum and d^2 of its nearest texel. */
+typedef struct conemap__candidate {
+    float dh2, d2;
+    int x, y, k;
+} conemap__candidate;
+
+/* Comparing products saves the division of a quotient: with three roundings less than this margin apart, a block is
+   dropped only if its rounded quotient is no more than s. */
+#define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
+
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
+   texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
+CONEMAP__INLINE int conemap__push_children(const conemap_map *map, int k, int x, int y, int i, int j, float apex,
+                                           float s, int skip, conemap__candidate *out) {
+    const float *maxima = conemap__children(&map->build.texels, k, x, y);
+    int size = 1 << k, left = 2 * size * x, low = 2 * size * y, c, count = 0;
+    int near_x = i >= left + size, near_y = j >= low + size;
+    float dx[2], dy[2];
+    dx[0] = (float)conemap__maxi(0, conemap__maxi(left - i, i - (left + size - 1))) * map->build.texel_u;
+    dx[1] = (float)conemap__maxi(0, conemap__maxi(left + size - i, i - (left + 2 * size - 1))) * map->build.texel_u;
+    dy[0] = (float)conemap__maxi(0, conemap__maxi(low - j, j - (low + size - 1))) * map->build.texel_v;
+    dy[1] = (float)conemap__maxi(0, conemap__maxi(low + size - j, j - (low + 2 * size - 1))) * map->build.texel_v;
+    dx[0] *= dx[0];
+    dx[1] *= dx[1];
+    dy[0] *= dy[0];
+    dy[1] *= dy[1];
+    for (c = 3; c >= 0; --c) {
+        int a = (c & 1) ^ near_x, b = (c >> 1) ^ near_y;
+        float dh = maxima[2 * b + a] - apex, dh2 = dh * dh, d2 = dx[a] + dy[b];
+        if (dh > 0.0f && dh2 > s * d2 * CONEMAP__MARGIN && 2 * b + a != skip) {
+            out[count].dh2 = dh2;
+            out[count].d2 = d2;
+            out[count].x = 2 * x + a;
+            out[count].y = 2 * y + b;
+            out[count].k = k;
+            ++count;
+        }
+    }
+    return count;
+}
+
+/* Works the stack off: opens blocks until none can beat s. *best is set to the texel that decided. */
+CONEMAP__INLINE float conemap__open(const conemap_map *map, int i, int j, float apex, float s,
+                                    conemap__candidate *stack, int count, int *best_i, int *best_j) {
+    while (count > 0) {
+        conemap__candidate c = stack[--count];
+        if (!(c.dh2 > s * c.d2 * CONEMAP__MARGIN)) continue;
+        if (c.k > 0) {
+            count += conemap__push_children(map, c.k - 1, c.x, c.y, i, j, apex, s, -1, stack + count);
+        } else if (c.dh2 / c.d2 > s) {
+            s = c.dh2 / c.d2;
+            *best_i = c.x;
+            *best_j = c.y;
+        }
+    }
+    return s;
+}
+
+/* What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are
+   at least as large after rounding, so the same bits in any order. It starts at the texel's own block and goes up, so
+   near texels, which decide most often, come first; then the images of a wrapping map. (*best_i, *best_j) is a
+   guess on the way in, what decided the texel before, and what decides this one on the way out. */
+static float conemap__exact(const conemap_map *map, int i, int j, int *best_i, int *best_j) {
+    conemap__candidate stack[3 * 17 + 4];
+    int levels = map->build.texels.levels, w = map->info.width, h = map->info.height, k, a, b;
+    float apex = conemap__height(map, i, j), s = map->build.least_slope2, dh;
+    if (*best_i != i || *best_j != j) {
+        dh = conemap__block_max(&map->build.texels, 0, *best_i, *best_j) - apex;
+        if (dh > 0.0f) s = conemap__max(s, conemap__slope2(map, dh, (float)(*best_i - i), (float)(*best_j - j)));
+    }
+    for (k = 0; k + 1 < levels; ++k) {
+        int own = (j >> k & 1) << 1 | (i >> k & 1);
+        int count = conemap__push_children(map, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
+        s = conemap__open(map, i, j, apex, s, stack, count, best_i, best_j);
+    }
+    for (b = -(map->info.wrap_v == CONEMAP_WRAP); b <= (map->info.wrap_v == CONEMAP_WRAP); ++b)
+        for (a = -(map->info.wrap_u == CONEMAP_WRAP); a <= (map->info.wrap_u == CONEMAP_WRAP); ++a) {
+            int own_i = *best_i, own_j = *best_j, count;
+            if (a == 0 && b == 0) continue;
+            count = conemap__push_children(map, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
+            s = conemap__open(map, i - a * w, j - b * h, apex, s, stack, count, &own_i, &own_j);
+        }
+    return s;
+}
+
 /* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
 typedef struct conemap__blocks {
     int node[3];         /* block numbers, wrapped */
@@ -1055,7 +1161,7 @@ static float conemap__quick(const conemap_map *map, int i, int j, int improved, 
                 int unseen_u = 0, unseen_v = 0, has_u, has_v;
                 float dh, slope = 0.0f;
                 if ((a == 1 && b == 1) || u.low[a] > u.high[a] || v.low[b] > v.high[b]) continue;
-                dh = conemap__level_value(map, pyramid, k, u.node[a], v.node[b]) - apex;
+                dh = conemap__block_max(pyramid, k, u.node[a], v.node[b]) - apex;
                 if (!(dh > 0.0f)) continue;
                 has_u = conemap__nearest_unseen(&u, a, seen_low_u, seen_high_u, &unseen_u);
                 has_v = conemap__nearest_unseen(&v, b, seen_low_v, seen_high_v, &unseen_v);
@@ -1089,7 +1195,7 @@ CONEMAP__INLINE float conemap__tangent(const conemap_map *map, float s) {
     return conemap__min(1.0f / sqrtf(s) * 0.99999904632568359375f, map->info.max_tan);
 }
 
-static float conemap__generate(const conemap_map *map, int i, int j) {
+static float conemap__generate(const conemap_map *map, int i, int j, int *best_i, int *best_j) {
     switch (map->info.generator) {
     case CONEMAP_RING: return conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
     case CONEMAP_QUICK_NAIVE: return conemap__tangent(map, conemap__quick(map, i, j, 0, 0));
@@ -1104,7 +1210,8 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
         float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
-    default: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
+    case CONEMAP_QUICK: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
+    default: return conemap__tangent(map, conemap__exact(map, i, j, best_i, best_j));
     }
 }
 
@@ -1138,13 +1245,14 @@ enum {
 
 #define CONEMAP__BAND 8 /* rows of a cone job */
 
-static int conemap__is_quick(conemap_generator generator) {
-    return generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
+static int conemap__needs_pyramid(conemap_generator generator) {
+    return generator == CONEMAP_EXACT || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
            generator == CONEMAP_QUICK_CENTER || generator == CONEMAP_QUICK_NAIVE_CENTER;
 }
 
 static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
     switch (desc->generator) {
+    case CONEMAP_EXACT:
     case CONEMAP_QUICK_NAIVE:
     case CONEMAP_QUICK: return CONEMAP_GUARANTEE_VERTEX;
     case CONEMAP_RING: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_VERTEX;
@@ -1196,7 +1304,7 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     if (desc->max_tan == 0.0f) desc->max_tan = 1.0f;
     if (desc->hybrid_weight == 0.0f) desc->hybrid_weight = 0.5f;
     if (desc->march_steps == 0) desc->march_steps = 64;
-    if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_QUICK;
+    if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_EXACT;
     if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
         !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || desc->march_steps < 0 ||
@@ -1238,12 +1346,12 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     jobs[CONEMAP__PASS_STORE] = bands;
     if (desc->keep_pyramid) {
         int cells_u = conemap__cell_count(w, desc->wrap_u), cells_v = conemap__cell_count(h, desc->wrap_v);
-        if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, &memory)) return CONEMAP_ERROR_OVERFLOW;
+        if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, 1, &memory)) return CONEMAP_ERROR_OVERFLOW;
         jobs[CONEMAP__PASS_CELLS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
         jobs[CONEMAP__PASS_CELLS_TOP] = 1;
     }
-    if (conemap__is_quick(desc->generator)) {
-        if (!conemap__pyramid_plan(&map->build.texels, w, h, &scratch)) return CONEMAP_ERROR_OVERFLOW;
+    if (conemap__needs_pyramid(desc->generator)) {
+        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, &scratch)) return CONEMAP_ERROR_OVERFLOW;
         jobs[CONEMAP__PASS_STRIPS] = strips;
         jobs[CONEMAP__PASS_TOP] = 1;
     }
@@ -1283,11 +1391,11 @@ static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
     return piece;
 }
 
-static void conemap__cut_pyramid(conemap_pyramid *pyramid, unsigned char **cursor) {
+static void conemap__cut_pyramid(conemap_pyramid *pyramid, int first, unsigned char **cursor) {
     int k;
-    for (k = 1; k < pyramid->levels; ++k)
+    for (k = first; k < pyramid->levels; ++k)
         pyramid->level[k] = (float *)conemap__cut(
-            cursor, (size_t)pyramid->width[k] * (size_t)pyramid->height[k], sizeof(float));
+            cursor, (size_t)((pyramid->width[k] + 1) / 2) * (size_t)((pyramid->height[k] + 1) / 2), 4 * sizeof(float));
 }
 
 CONEMAP__DEF void conemap_free(conemap_map *map) {
@@ -1312,11 +1420,10 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     cursor = (unsigned char *)map->build.memory;
     map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
     map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
-    conemap__cut_pyramid(&map->cells, &cursor);
+    conemap__cut_pyramid(&map->cells, 1, &cursor);
     if (scratch_size > 0) {
         cursor = (unsigned char *)map->build.scratch;
-        conemap__cut_pyramid(&map->build.texels, &cursor);
-        map->build.texels.level[0] = map->build.heights;
+        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
         map->build.plane = desc->min3x3 ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
         map->build.job_results = cursor;
         memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
@@ -1394,10 +1501,10 @@ static conemap_result conemap__report(const conemap_map *map, int pass, double d
 }
 
 static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
-    int x, y, w = map->info.width;
+    int x, y, w = map->info.width, best_i = 0, best_j = y0;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < w; ++x) {
-            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y);
+            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y, &best_i, &best_j);
             if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
                 conemap_result result =
                     conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
@@ -2389,7 +2496,7 @@ static conemap__block conemap__block_under(const conemap_map *map, const conemap
     b.high_i += walk->i;
     b.low_j += walk->j;
     b.high_j += walk->j;
-    b.highest = conemap__level_value(map, &map->cells, k, node_i, node_j);
+    b.highest = k == 0 ? conemap__cell_max(map, node_i, node_j) : conemap__block_max(&map->cells, k, node_i, node_j);
     return b;
 }
 
@@ -2542,6 +2649,7 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__FILE_WORDS
 #undef CONEMAP__FILE_HEADER
 #undef CONEMAP__REACH
+#undef CONEMAP__MARGIN
 #undef CONEMAP__NEVER
 #undef CONEMAP__APEX_SLACK
 

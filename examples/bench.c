@@ -55,8 +55,8 @@ static void describe(conemap_desc *desc, const struct image *image) {
 }
 
 static int bench_generators(const char *map_name, const struct image *image) {
-    static const conemap_generator generators[] = {CONEMAP_RING, CONEMAP_QUICK_NAIVE, CONEMAP_QUICK,
-                                                   CONEMAP_QUICK_CENTER, CONEMAP_RELAXED};
+    static const conemap_generator generators[] = {CONEMAP_RING,  CONEMAP_QUICK_NAIVE,  CONEMAP_QUICK,
+                                                   CONEMAP_EXACT, CONEMAP_QUICK_CENTER, CONEMAP_RELAXED};
     enum { COUNT = sizeof generators / sizeof generators[0], QUICK_AT = 2 };
     double times[COUNT][ROUNDS], texels = (double)image->width * (double)image->height;
     for (int r = 0; r < ROUNDS; ++r)

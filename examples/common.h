@@ -68,7 +68,8 @@ struct name {
     int value;
 };
 
-static const struct name generator_names[] = {{"ring", CONEMAP_RING},
+static const struct name generator_names[] = {{"exact", CONEMAP_EXACT},
+                                              {"ring", CONEMAP_RING},
                                               {"quick-naive", CONEMAP_QUICK_NAIVE},
                                               {"quick", CONEMAP_QUICK},
                                               {"quick-naive-center", CONEMAP_QUICK_NAIVE_CENTER},

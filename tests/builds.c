@@ -27,17 +27,17 @@ static conemap_desc plain_desc(void)
 /* Descs that take different ways through the passes. */
 static conemap_desc variant(int k)
 {
-    static const conemap_generator generators[] = {CONEMAP_QUICK, CONEMAP_RING, CONEMAP_RELAXED,
-                                                   CONEMAP_HYBRID, CONEMAP_QUICK_NAIVE};
+    static const conemap_generator generators[] = {CONEMAP_EXACT,  CONEMAP_RING,  CONEMAP_RELAXED,
+                                                   CONEMAP_HYBRID, CONEMAP_QUICK, CONEMAP_QUICK_NAIVE};
     conemap_desc desc = plain_desc();
-    desc.generator = generators[k % 5];
+    desc.generator = generators[k % 6];
     desc.min3x3 = k & 1;
     desc.keep_pyramid = k >> 1 & 1;
     desc.texture.format = (conemap_format)(k % CONEMAP_FORMAT_COUNT);
     desc.texture.layout = (conemap_layout)(k % CONEMAP_LAYOUT_COUNT);
     return desc;
 }
-#define VARIANTS 10
+#define VARIANTS 12
 
 static int same(const conemap_map *a, const conemap_map *b)
 {

@@ -144,7 +144,7 @@ static void strides(void)
 
 static void depths(void)
 {
-    float depths_read[TEXELS];
+    static float depths_read[TEXELS];
     uint8_t bytes[TEXELS];
     conemap_desc desc = plain_desc(depths_read, CONEMAP_F32);
     conemap_map map;
@@ -203,7 +203,7 @@ static void for_textures(void (*visit)(const conemap_map *map, const conemap_des
 {
     static const int kinds[] = {ZOO_FBM, ZOO_WHITE, ZOO_IMPULSE, ZOO_FLAT_1, ZOO_RAMP};
     static const int shapes[][2] = {{W, H}, {1, 1}, {2, 5}};
-    float heights[TEXELS];
+    static float heights[TEXELS];
     int kind, format, encoding, layout, wide, shape;
     for (shape = 0; shape < 3; ++shape) {
         for (kind = 0; kind < 5; ++kind) {
@@ -458,7 +458,7 @@ static void baked_bytes(void)
 
 static void broken_bytes(void)
 {
-    float heights[TEXELS], others[TEXELS];
+    static float heights[TEXELS], others[TEXELS];
     int layout, accepted = 0, flips = 0;
     zoo_fill(ZOO_FBM, W, H, 7, heights);
     memcpy(others, heights, sizeof heights);
@@ -558,7 +558,7 @@ static void broken_bytes(void)
 
 static void load_options(void)
 {
-    float heights[TEXELS];
+    static float heights[TEXELS];
     conemap_desc desc = plain_desc(heights, CONEMAP_F32), options;
     conemap_map map, loaded;
     unsigned char *bytes;

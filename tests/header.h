@@ -1,5 +1,5 @@
-/* What header_c.c, header_cc.cc, static_a.c and static_b.c all do with the library: use every function once, so
-   that private copies leave none unused, and return a cone. Include conemap.h first. */
+/* What header_c.c, header_cc.cc, static_a.c and static_b.c all do with the library: use every function once,
+   so that private copies leave none unused, and return a cone. Include conemap.h first. */
 #ifndef HEADER_H
 #define HEADER_H
 

@@ -90,7 +90,7 @@ static void brute_quotients(const struct subject *s, float *quotients)
     }
 }
 
-/* [BV24] Algorithm 2, mended: cells with an apex's row or column are tested on both sides, missing cells fall,
+/* [BV24] Algorithm 2, mended: cells in the apex's row or column count on both sides, missing cells fall,
    and a wrapping axis brings every image within one period, each in its own quadrant. */
 static void brute_relaxed_quotients(const struct subject *s, float *quotients)
 {
@@ -240,11 +240,38 @@ static void visit_ring(const struct subject *s)
     static float quotients[MAX_TEXELS], cones[MAX_TEXELS];
     brute_quotients(s, quotients);
     if (build(s, CONEMAP_RING, 0, cones)) check_equal(s, "ring", quotients, cones);
+    if (build(s, CONEMAP_EXACT, 0, cones)) check_equal(s, "exact", quotients, cones);
 }
 
 static void ring_is_brute_force(void)
 {
     for_zoo(MAX_TEXELS, visit_ring);
+}
+
+/* Larger maps, where the two searches check each other: more levels, and blocks cut off at any place. */
+static void exact_is_ring(void)
+{
+    static const int shapes[][2] = {{97, 70}, {257, 3}, {1, 300}, {65, 96}};
+    static float heights[97 * 96], ring[97 * 96], exact[97 * 96];
+    struct subject s;
+    int shape, k;
+    s.heights = heights;
+    s.aspect = 0.8f;
+    for (shape = 0; shape < 4; ++shape) {
+        s.width = shapes[shape][0];
+        s.height = shapes[shape][1];
+        for (s.kind = 0; s.kind < ZOO_KINDS; ++s.kind) {
+            s.wrap_u = s.kind & 1 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+            s.wrap_v = s.kind & 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+            s.max_tan = shape == 0 ? 1.0f : 3.0f;
+            zoo_fill(s.kind, s.width, s.height, 3, heights);
+            if (!build(&s, CONEMAP_RING, 0, ring) || !build(&s, CONEMAP_EXACT, 0, exact)) return;
+            for (k = 0; k < s.width * s.height && exact[k] == ring[k]; ++k) {
+            }
+            CHECK(k == s.width * s.height, "%s: (%d, %d) is %.9g, by ring search %.9g", describe(&s),
+                  k % s.width, k / s.width, (double)exact[k], (double)ring[k]);
+        }
+    }
 }
 
 static void visit_empty(const struct subject *s)
@@ -271,8 +298,8 @@ static void visit_conservative(const struct subject *s)
     check_at_most(s, "quick", quick, ring);
     CHECK(mean(s, naive) <= mean(s, quick) * (1.0 + 1e-6), "%s: naive %g is wider than quick %g", describe(s),
           mean(s, naive), mean(s, quick));
-    CHECK(!memcmp(quick, fallback, sizeof(float) * (size_t)(s->width * s->height)),
-          "%s: quick is the default", describe(s));
+    CHECK(!memcmp(ring, fallback, sizeof(float) * (size_t)(s->width * s->height)), "%s: exact is the default",
+          describe(s));
     if (s->width * s->height > 200) {
         naive_sum += mean(s, naive);
         quick_sum += mean(s, quick);
@@ -326,22 +353,33 @@ static void every_small_map(void)
     int code, wrap, k, digits;
     for (wrap = 0; wrap < 2; ++wrap) {
         for (code = 0; code < 19683; ++code) {
-            float heights[9], quotients[9], ring[9], quick[9];
+            float heights[9], quotients[9], ring[9], exact[9], quick[9];
             struct subject s = {3, 3, ZOO_WHITE, CONEMAP_CLAMP, CONEMAP_CLAMP, 1.0f, 100.0f, NULL};
             for (k = 0, digits = code; k < 9; ++k, digits /= 3) heights[k] = levels[digits % 3];
             s.heights = heights;
             s.wrap_u = s.wrap_v = wrap ? CONEMAP_WRAP : CONEMAP_CLAMP;
             brute_quotients(&s, quotients);
-            if (!build(&s, CONEMAP_RING, 0, ring) || !build(&s, CONEMAP_QUICK, 0, quick)) return;
+            if (!build(&s, CONEMAP_RING, 0, ring) || !build(&s, CONEMAP_EXACT, 0, exact) ||
+                !build(&s, CONEMAP_QUICK, 0, quick)) {
+                return;
+            }
             check_equal(&s, "ring", quotients, ring);
+            check_equal(&s, "exact", quotients, exact);
             check_at_most(&s, "quick", quick, ring);
         }
     }
 }
 
 static const conemap_generator generators[] = {
-    CONEMAP_RING,         CONEMAP_QUICK_NAIVE,     CONEMAP_QUICK,   CONEMAP_QUICK_NAIVE_CENTER,
-    CONEMAP_QUICK_CENTER, CONEMAP_RELAXED_SAMPLED, CONEMAP_RELAXED, CONEMAP_HYBRID,
+    CONEMAP_EXACT,
+    CONEMAP_RING,
+    CONEMAP_QUICK_NAIVE,
+    CONEMAP_QUICK,
+    CONEMAP_QUICK_NAIVE_CENTER,
+    CONEMAP_QUICK_CENTER,
+    CONEMAP_RELAXED_SAMPLED,
+    CONEMAP_RELAXED,
+    CONEMAP_HYBRID,
 };
 #define GENERATORS ((int)(sizeof generators / sizeof generators[0]))
 
@@ -424,7 +462,7 @@ static void relaxed_borders(void)
     CHECK(cones[16 * 32] < 10.0f / 32.0f / 0.5f, "a fall on one side of the row: %g", (double)cones[16 * 32]);
 }
 
-/* A pit in a plateau that wraps: nothing falls on the near way to the plateau, so the way right around decides. */
+/* A pit in a plateau that wraps: nothing falls on the near way to the plateau, so the way round decides. */
 static void relaxed_images(void)
 {
     static float heights[13 * 7], quotients[13 * 7], cones[13 * 7];
@@ -580,7 +618,8 @@ static void guarantees(void)
         conemap_map map;
         conemap_guarantee right = CONEMAP_GUARANTEE_NONE;
         const conemap_generator generator = generators[g];
-        if (generator == CONEMAP_RING || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE) {
+        if (generator == CONEMAP_EXACT || generator == CONEMAP_RING || generator == CONEMAP_QUICK ||
+            generator == CONEMAP_QUICK_NAIVE) {
             right = CONEMAP_GUARANTEE_VERTEX;
         }
         if (generator == CONEMAP_RELAXED || generator == CONEMAP_HYBRID) right = CONEMAP_GUARANTEE_RELAXED;
@@ -603,7 +642,8 @@ static void guarantees(void)
 }
 
 const struct test_case oracle_tests[] = {
-    {"ring search is brute force to the bit", ring_is_brute_force},
+    {"ring search and exact are brute force to the bit", ring_is_brute_force},
+    {"exact is ring search on larger maps", exact_is_ring},
     {"ring cones hold no vertex", ring_cones_are_empty},
     {"quick cones are never wider than ring cones", quick_is_conservative},
     {"quick distances, one vertex at a time", quick_distances},

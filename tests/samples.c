@@ -112,8 +112,8 @@ static void random_points(void)
     }
 }
 
-/* At the centres a sample is the texel: to the bit, but for the last one of a surface that ends there, which is the
-   far end of its cell. */
+/* At the centres a sample is the texel: to the bit, but for the last one where a surface ends there, which is
+   the far end of its cell. */
 static void centres(void)
 {
     float heights[16 * 8];
