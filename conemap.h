@@ -88,8 +88,8 @@ extern "C" {
    the ray (scale its z), never to the map, and can change every frame without a rebuild.
 
    The surface is the bilinear interpolation of the texel centres. The square between four centres is a
-   bilinear cell. The relief is solid: a point at or below the surface is inside, so a ray that enters the
-   map's side below the surface hits that side.
+   bilinear cell. The relief is solid down to z = 0, where the box ends: a point at or below the surface is
+   inside, so a ray that enters the map's side or its floor below the surface hits there.
 
    Outside the outermost centres, for each axis by itself:
        CONEMAP_CLAMP    the border texel's height goes on for the outer half texel; at u = 0 and u = 1 the
@@ -309,7 +309,7 @@ typedef struct conemap_map {
         conemap_pyramid texels; /* maxima over texels, while building */
         float *heights, *cones, *plane;
         float texel_u, texel_v; /* a texel's size, aspect included */
-        float least_slope2;     /* 1 / max_tan^2 */
+        float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         int pass_jobs[8];
     } build;
@@ -323,7 +323,7 @@ typedef struct conemap_ray {
 } conemap_ray;
 
 typedef enum conemap_status {
-    CONEMAP_HIT = 0,        /* the ray is at or below the surface at t */
+    CONEMAP_HIT = 0,        /* the ray meets the surface at t, as near as the tracer and its refinement come */
     CONEMAP_LEFT,           /* it left the map through a side or the top, or never met it */
     CONEMAP_FLOOR,          /* it reached z = 0 where there is no surface */
     CONEMAP_T_MAX,          /* it reached t_max above the surface */
@@ -1337,7 +1337,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     map->build.allocator = desc->allocator;
     map->build.texel_u = 1.0f / (float)w;
     map->build.texel_v = desc->aspect / (float)h;
-    map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan);
+    map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
     if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
@@ -1864,7 +1864,7 @@ static conemap_result conemap__load_texels(conemap_map *map, const unsigned char
 
 CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
                                          conemap_map *map) {
-    const unsigned char *texels = (const unsigned char *)bytes + CONEMAP__FILE_HEADER;
+    const unsigned char *texels;
     conemap_info info;
     conemap_desc load;
     conemap_result result;
@@ -1874,6 +1874,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     memset(map, 0, sizeof *map);
     result = conemap_load_info(bytes, size, &info);
     if (result != CONEMAP_OK) return result;
+    texels = (const unsigned char *)bytes + CONEMAP__FILE_HEADER;
     memset(&load, 0, sizeof load);
     if (desc) load = *desc;
     given = load.heights.pixels != NULL;
@@ -2368,9 +2369,10 @@ CONEMAP__INLINE double conemap__next_border(const conemap__walk *walk, double le
 /* To the end of the cone or of the cell, whichever is farther, or to the ray's end. */
 CONEMAP__INLINE void conemap__step_on(conemap__walk *walk, double cone, double leave_i, double leave_j,
                                       double leave) {
-    if (cone >= walk->t_end || leave >= walk->t_end) {
+    int vertical = walk->vx == 0.0 && walk->vy == 0.0; /* meets no border: its cone ends on the surface */
+    if (cone >= walk->t_end || (leave >= walk->t_end && !vertical) || (vertical && cone <= walk->t)) {
         conemap__jump(walk, walk->t_end);
-    } else if (cone > leave) {
+    } else if (cone > leave || vertical) {
         conemap__jump(walk, cone);
     } else {
         if (leave_i <= leave_j) walk->i += walk->vx > 0.0 ? 1 : -1;
@@ -2434,11 +2436,13 @@ CONEMAP__INLINE double conemap__linear_hit(const conemap__walk *walk, conemap__c
 
 /* Cone stepping that misses nothing: in every cell that the ray enters it is met with the bilinear patch itself,
    and only then goes on to the end of the cone or of the cell. No step is shorter than to a border, so W + H + 2 cells
-   at most lie between two cones, and neither an epsilon nor a cap is needed. Any hit is the first one if the
-   interpolated cones are safe. */
+   at most lie between two cones, and neither an epsilon nor a cap is needed. A hit is the first one if the
+   interpolated cones are safe. A cone that ends below the surface was not, or was a relaxed one: then the way back is
+   walked cell by cell, which finds the first meeting in it. */
 static void conemap__trace_exact(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                  conemap_hit *hit) {
-    int steps = 0;
+    double cone_t = 0.0, walk_until = -1.0; /* where the last cone began; no cones before this time */
+    int cone_i = walk->i, cone_j = walk->j, steps = 0;
     for (;;) {
         conemap__quad quad = conemap__walk_quad(map, walk);
         conemap__corners h = conemap__gather(map->heights, quad);
@@ -2446,12 +2450,18 @@ static void conemap__trace_exact(const conemap_map *map, const conemap_trace_des
         double leave_j = conemap__leave(walk->py, walk->vy, walk->j, walk->j + 1);
         double leave = conemap__next_border(walk, leave_i, leave_j), end = leave < walk->t_end ? leave : walk->t_end;
         double z = conemap__ray_z(walk, walk->t), z_end = conemap__ray_z(walk, end), top = (double)conemap__highest(h);
-        double t, gap;
-        conemap__mix mix;
+        double t, gap, cone = walk->t;
         ++steps;
         /* A rising ray is lowest where it enters, a falling one where it leaves. */
         if (z <= top || z_end <= top) {
             t = conemap__walk_hit(walk, h, end);
+            if (t == 0.0 && cone_t < walk->t && walk_until < walk->t) {
+                walk_until = walk->t;
+                walk->t = cone_t;
+                walk->i = cone_i;
+                walk->j = cone_j;
+                continue;
+            }
             if (t >= 0.0) {
                 t += walk->t;
                 conemap__finish(walk, CONEMAP_HIT, t, t, t, steps, hit);
@@ -2463,11 +2473,16 @@ static void conemap__trace_exact(const conemap_map *map, const conemap_trace_des
             conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
             return;
         }
-        mix = conemap__under(map, walk);
-        gap = z - (double)mix.height - (double)CONEMAP__APEX_SLACK;
-        if (gap < 0.0) gap = 0.0;
-        conemap__step_on(walk, walk->t + (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap), leave_i,
-                         leave_j, leave);
+        if (walk->t >= walk_until) {
+            conemap__mix mix = conemap__under(map, walk);
+            gap = z - (double)mix.height - (double)CONEMAP__APEX_SLACK;
+            if (gap > 0.0) cone += (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
+        }
+        cone_t = walk->t;
+        cone_i = walk->i;
+        cone_j = walk->j;
+        conemap__step_on(walk, cone, leave_i, leave_j, leave);
+        if (cone <= leave) cone_t = walk->t; /* it was a step to a border, which passes nothing over */
     }
     conemap__miss(walk, steps, hit);
 }

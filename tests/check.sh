@@ -15,13 +15,14 @@ have() { command -v "$1" >/dev/null 2>&1; }
 
 # part NAME COMMAND...: runs it, keeps its output, shows the end of it when it fails.
 part() {
-    local name=$1 log
+    local name=$1 log start
     shift
     case "$name" in *"$only"*) ;; *) return 0 ;; esac
+    start=$SECONDS
     log=$work/$(printf %s "$name" | tr -c 'A-Za-z0-9.+-' _).log
     if "$@" >"$log" 2>&1; then
         ok=$((ok + 1))
-        printf 'ok       %s\n' "$name"
+        printf 'ok       %s (%d s)\n' "$name" $((SECONDS - start))
     else
         failed=$((failed + 1))
         printf 'FAILED   %s\n' "$name"

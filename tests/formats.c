@@ -274,7 +274,8 @@ static void visit_rounding(const conemap_map *map, const conemap_desc *desc)
             break;
         }
         /* and not a needless step lower */
-        if (map->info.texture.encoding == CONEMAP_RADIUS && h > 0.999f) continue;
+        if (map->info.texture.encoding == CONEMAP_RADIUS && (h > 0.999f || right.cones[k] >= map->info.max_tan))
+            continue; /* decoding ends at max_tan, so higher values would say the same */
         for (step = 0; step < (format == CONEMAP_F32 ? 4 : 2); ++step) above = next_up(format, above);
         if ((format == CONEMAP_UNORM8 || format == CONEMAP_UNORM16) && above > 1.0f) continue;
         if (!(conemap_decode(&map->info, h, above) > right.cones[k])) {

@@ -141,7 +141,7 @@ static void brute_relaxed_quotients(const struct subject *s, float *quotients)
 
 static float cone_of_quotient(float quotient, float max_tan)
 {
-    const float least = 1.0f / (max_tan * max_tan), s = quotient > least ? quotient : least;
+    const float least = 1.0f / (max_tan * max_tan) * (1.0f - 1.0f / 262144.0f), s = quotient > least ? quotient : least;
     const float tangent = (1.0f / sqrtf(s)) * (1.0f - 1.0f / 1048576.0f);
     return tangent < max_tan ? tangent : max_tan;
 }

@@ -659,7 +659,7 @@ static void unsafe_tracers_miss(void)
     CHECK(misses[CONEMAP_TRACE_LINEAR] > 0, "linear misses nothing");
     CHECK(misses[CONEMAP_TRACE_EXACT_STEP] > 0, "exact step misses nothing");
     CHECK(misses[CONEMAP_TRACE_CELL_MAX] > 0, "cell max misses nothing");
-    CHECK(misses[CONEMAP_TRACE_CELL_MAX] < 4000 / 5, "cell max misses %d", misses[CONEMAP_TRACE_CELL_MAX]);
+    CHECK(misses[CONEMAP_TRACE_CELL_MAX] < 4000 / 4, "cell max misses %d", misses[CONEMAP_TRACE_CELL_MAX]);
     CHECK(misses[CONEMAP_TRACE_QDM] + off[CONEMAP_TRACE_QDM] > 0, "qdm is exact");
     CHECK(misses[CONEMAP_TRACE_MAXMIP] == 0 && off[CONEMAP_TRACE_MAXMIP] == 0, "maxmip misses %d, off %d",
           misses[CONEMAP_TRACE_MAXMIP], off[CONEMAP_TRACE_MAXMIP]);
