@@ -132,6 +132,7 @@ extern "C" {
     X(CONEMAP_ERROR_STRIDE, "a row or pixel stride is smaller than what it must step over")                \
     X(CONEMAP_ERROR_ENUM, "an enum field holds no known value")                                            \
     X(CONEMAP_ERROR_PARAMETER, "a numeric field is NaN or out of its range")                               \
+    X(CONEMAP_ERROR_UNSUPPORTED, "this generator cannot give that guarantee")                              \
     X(CONEMAP_ERROR_HEIGHT, "a height is NaN, infinite or outside 0..1")                                   \
     X(CONEMAP_ERROR_MEMORY, "memory could not be allocated")                                               \
     X(CONEMAP_ERROR_BUFFER, "a buffer handed in is too small")                                             \
@@ -194,7 +195,8 @@ typedef enum conemap_layout { /* the channels of a texel */
 
 typedef enum conemap_generator {
     CONEMAP_GENERATE_DEFAULT = 0,    /* CONEMAP_EXACT */
-    CONEMAP_EXACT,                   /* the widest cones, by branch and bound over a max pyramid */
+    CONEMAP_EXACT,                   /* the widest cones of either guarantee, by branch and bound over a max
+                                        pyramid; with slack, faster and a little narrower */
     CONEMAP_RING,                    /* the same cones by ring search with early out [Dum06]; slow */
     CONEMAP_QUICK_NAIVE,             /* conservative, narrow: [VB22] Algorithm 1 */
     CONEMAP_QUICK,                   /* conservative, wider: [VB22] Algorithm 2 with its diagonals mended */
@@ -207,10 +209,13 @@ typedef enum conemap_generator {
     CONEMAP_GENERATOR_COUNT
 } conemap_generator;
 
-typedef enum conemap_guarantee { /* what a map's cones promise, kept in its info */
-    CONEMAP_GUARANTEE_NONE = 0, /* heuristics: anything may happen */
-    CONEMAP_GUARANTEE_VERTEX,   /* the cone of a texel holds no other texel's vertex */
-    CONEMAP_GUARANTEE_RELAXED,  /* [BV24]'s rule for descending rays: bisect between the last two steps */
+typedef enum conemap_guarantee { /* what a map's cones promise, kept in its info; in a desc, what they shall promise */
+    CONEMAP_GUARANTEE_DEFAULT = 0, /* desc: BILINEAR with CONEMAP_EXACT, else what the generator gives */
+    CONEMAP_GUARANTEE_NONE,        /* info: heuristics, anything may happen */
+    CONEMAP_GUARANTEE_VERTEX,      /* the cone of a texel holds no other texel's vertex, as in the papers */
+    CONEMAP_GUARANTEE_BILINEAR,    /* the interpolated cone over any point, its apex raised by 2^-20, holds no
+                                      point of the bilinear surface: proven in the implementation */
+    CONEMAP_GUARANTEE_RELAXED,     /* info: [BV24]'s rule for descending rays: bisect between the last two steps */
     CONEMAP_GUARANTEE_COUNT
 } conemap_guarantee;
 
@@ -251,6 +256,9 @@ typedef struct conemap_desc {
     conemap_texture texture;
 
     conemap_generator generator;
+    conemap_guarantee guarantee; /* VERTEX or BILINEAR, which only CONEMAP_EXACT gives; 0: the best there is */
+    float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), in exchange for time;
+                               0: exact. Up to 16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
     int ring_limit;         /* RING, RELAXED..., HYBRID: look at most so many texels far, which leaves the later
@@ -308,7 +316,10 @@ typedef struct conemap_map {
         conemap_desc desc;
         conemap_pyramid texels; /* maxima over texels, while building */
         float *heights, *cones, *plane;
+        float *folds;           /* the same with slack: plane and rims of the bounds that were folded in */
+        float *rims;            /* bilinear guarantee: what each band knows of the rows above and below it */
         float texel_u, texel_v; /* a texel's size, aspect included */
+        float search_u, search_v; /* the same as the search for cones counts it */
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         int pass_jobs[8];
@@ -745,6 +756,10 @@ CONEMAP__INLINE int conemap__texel_index(int i, int size, conemap_wrap wrap) {
     return i < 0 ? 0 : i >= size ? size - 1 : i;
 }
 
+CONEMAP__INLINE size_t conemap__texels(const conemap_map *map) {
+    return (size_t)map->info.width * (size_t)map->info.height;
+}
+
 CONEMAP__INLINE float conemap__height(const conemap_map *map, int i, int j) {
     return map->heights[(size_t)j * (size_t)map->info.width + (size_t)i];
 }
@@ -1019,30 +1034,60 @@ typedef struct conemap__candidate {
    dropped only if its rounded quotient is no more than s. */
 #define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
 
+/* One search after another, by one job. `band` is null for vertex cones. */
+struct conemap__band;
+typedef struct conemap__search {
+    const struct conemap__band *band;
+    float deflate;      /* V, taken off every squared distance: see the proof of conemap__safe_vertex, step 4 */
+    float near2;        /* pairs closer than its root are looked at closely; 0 for vertex cones */
+    float widen2;       /* (1 + slack)^2 */
+    float folded;       /* the steepest bound that was pruned by slack alone */
+    int best_i, best_j; /* what decided the last texel: neighbours often agree */
+} conemap__search;
+
+static conemap__search conemap__make_search(const conemap_map *map) {
+    conemap__search search;
+    memset(&search, 0, sizeof search);
+    search.widen2 = (1.0f + map->build.desc.slack) * (1.0f + map->build.desc.slack);
+    return search;
+}
+
+/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded in;
+   near pairs are exempt, for their bound alone can be further off than that. */
+CONEMAP__INLINE int conemap__may_beat(conemap__search *search, float dh2, float d2, float s) {
+    float bar = s * d2 * CONEMAP__MARGIN;
+    if (!(dh2 > bar)) return 0;
+    if (search->widen2 > 1.0f && d2 > 0.0f && d2 + search->deflate >= search->near2 && !(dh2 > bar * search->widen2)) {
+        search->folded = conemap__max(search->folded, dh2 / d2);
+        return 0;
+    }
+    return 1;
+}
+
 /* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
    texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
-CONEMAP__INLINE int conemap__push_children(const conemap_map *map, int k, int x, int y, int i, int j, float apex,
-                                           float s, int skip, conemap__candidate *out) {
+CONEMAP__INLINE int conemap__push_children(const conemap_map *map, conemap__search *search, int k, int x, int y, int i,
+                                           int j, float apex, float s, int skip, conemap__candidate *out) {
     const float *maxima = conemap__children(&map->build.texels, k, x, y);
     int size = 1 << k, left = 2 * size * x, low = 2 * size * y, c, count = 0;
     int near_x = i >= left + size, near_y = j >= low + size;
-    float dx[2], dy[2];
-    dx[0] = (float)conemap__maxi(0, conemap__maxi(left - i, i - (left + size - 1))) * map->build.texel_u;
-    dx[1] = (float)conemap__maxi(0, conemap__maxi(left + size - i, i - (left + 2 * size - 1))) * map->build.texel_u;
-    dy[0] = (float)conemap__maxi(0, conemap__maxi(low - j, j - (low + size - 1))) * map->build.texel_v;
-    dy[1] = (float)conemap__maxi(0, conemap__maxi(low + size - j, j - (low + 2 * size - 1))) * map->build.texel_v;
+    float dx[2], dy[2], a = map->build.search_u, b = map->build.search_v;
+    dx[0] = (float)conemap__maxi(0, conemap__maxi(left - i, i - (left + size - 1))) * a;
+    dx[1] = (float)conemap__maxi(0, conemap__maxi(left + size - i, i - (left + 2 * size - 1))) * a;
+    dy[0] = (float)conemap__maxi(0, conemap__maxi(low - j, j - (low + size - 1))) * b;
+    dy[1] = (float)conemap__maxi(0, conemap__maxi(low + size - j, j - (low + 2 * size - 1))) * b;
     dx[0] *= dx[0];
     dx[1] *= dx[1];
     dy[0] *= dy[0];
     dy[1] *= dy[1];
     for (c = 3; c >= 0; --c) {
-        int a = (c & 1) ^ near_x, b = (c >> 1) ^ near_y;
-        float dh = maxima[2 * b + a] - apex, dh2 = dh * dh, d2 = dx[a] + dy[b];
-        if (dh > 0.0f && dh2 > s * d2 * CONEMAP__MARGIN && 2 * b + a != skip) {
+        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y;
+        float dh = maxima[2 * down + across] - apex, dh2 = dh * dh, d2 = dx[across] + dy[down] - search->deflate;
+        if (dh > 0.0f && 2 * down + across != skip && conemap__may_beat(search, dh2, d2, s)) {
             out[count].dh2 = dh2;
             out[count].d2 = d2;
-            out[count].x = 2 * x + a;
-            out[count].y = 2 * y + b;
+            out[count].x = 2 * x + across;
+            out[count].y = 2 * y + down;
             out[count].k = k;
             ++count;
         }
@@ -1050,18 +1095,29 @@ CONEMAP__INLINE int conemap__push_children(const conemap_map *map, int k, int x,
     return count;
 }
 
-/* Works the stack off: opens blocks until none can beat s. *best is set to the texel that decided. */
-CONEMAP__INLINE float conemap__open(const conemap_map *map, int i, int j, float apex, float s,
-                                    conemap__candidate *stack, int count, int *best_i, int *best_j) {
+static float conemap__near_pair(const struct conemap__band *band, int ui, int uj, int vi, int vj, float best);
+
+/* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i, j). */
+CONEMAP__INLINE float conemap__open(const conemap_map *map, conemap__search *search, int i, int j, int shift_i,
+                                    int shift_j, float apex, float s, conemap__candidate *stack, int count) {
     while (count > 0) {
         conemap__candidate c = stack[--count];
-        if (!(c.dh2 > s * c.d2 * CONEMAP__MARGIN)) continue;
+        float slope2;
+        if (!conemap__may_beat(search, c.dh2, c.d2, s)) continue;
         if (c.k > 0) {
-            count += conemap__push_children(map, c.k - 1, c.x, c.y, i, j, apex, s, -1, stack + count);
-        } else if (c.dh2 / c.d2 > s) {
-            s = c.dh2 / c.d2;
-            *best_i = c.x;
-            *best_j = c.y;
+            count += conemap__push_children(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1,
+                                            stack + count);
+            continue;
+        }
+        if (c.d2 + search->deflate < search->near2) {
+            s = conemap__max(s, conemap__near_pair(search->band, i, j, c.x + shift_i, c.y + shift_j, s));
+            continue;
+        }
+        slope2 = c.dh2 / c.d2;
+        if (slope2 > s) {
+            s = slope2;
+            search->best_i = c.x + shift_i;
+            search->best_j = c.y + shift_j;
         }
     }
     return s;
@@ -1069,27 +1125,35 @@ CONEMAP__INLINE float conemap__open(const conemap_map *map, int i, int j, float 
 
 /* What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are
    at least as large after rounding, so the same bits in any order. It starts at the texel's own block and goes up, so
-   near texels, which decide most often, come first; then the images of a wrapping map. (*best_i, *best_j) is a
-   guess on the way in, what decided the texel before, and what decides this one on the way out. */
-static float conemap__exact(const conemap_map *map, int i, int j, int *best_i, int *best_j) {
+   near texels, which decide most often, come first; then the images of a wrapping map. s is what is known already.
+   With slack the order matters, and it is always this one: a job's texels, row by row, each with the guess of the one
+   before. */
+static float conemap__exact(const conemap_map *map, conemap__search *search, int i, int j, float s) {
     conemap__candidate stack[3 * 17 + 4];
-    int levels = map->build.texels.levels, w = map->info.width, h = map->info.height, k, a, b;
-    float apex = conemap__height(map, i, j), s = map->build.least_slope2, dh;
-    if (*best_i != i || *best_j != j) {
-        dh = conemap__block_max(&map->build.texels, 0, *best_i, *best_j) - apex;
-        if (dh > 0.0f) s = conemap__max(s, conemap__slope2(map, dh, (float)(*best_i - i), (float)(*best_j - j)));
+    const conemap_info *info = &map->info;
+    int levels = map->build.texels.levels, w = info->width, h = info->height, k, a, b;
+    int wrap_u = info->wrap_u == CONEMAP_WRAP, wrap_v = info->wrap_v == CONEMAP_WRAP;
+    float apex = conemap__height(map, i, j), dh;
+    search->folded = 0.0f;
+    if (search->best_i != i || search->best_j != j) {
+        float x = (float)(search->best_i - i) * map->build.search_u, y = (float)(search->best_j - j) * map->build.search_v;
+        float d2 = x * x + y * y;
+        dh = conemap__height(map, conemap__texel_index(search->best_i, w, info->wrap_u),
+                             conemap__texel_index(search->best_j, h, info->wrap_v)) - apex;
+        if (dh > 0.0f && d2 > 0.0f && d2 >= search->near2)
+            s = conemap__max(s, dh * dh / (d2 - search->deflate));
     }
     for (k = 0; k + 1 < levels; ++k) {
         int own = (j >> k & 1) << 1 | (i >> k & 1);
-        int count = conemap__push_children(map, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
-        s = conemap__open(map, i, j, apex, s, stack, count, best_i, best_j);
+        int count = conemap__push_children(map, search, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
+        s = conemap__open(map, search, i, j, 0, 0, apex, s, stack, count);
     }
-    for (b = -(map->info.wrap_v == CONEMAP_WRAP); b <= (map->info.wrap_v == CONEMAP_WRAP); ++b)
-        for (a = -(map->info.wrap_u == CONEMAP_WRAP); a <= (map->info.wrap_u == CONEMAP_WRAP); ++a) {
-            int own_i = *best_i, own_j = *best_j, count;
+    for (b = -wrap_v; b <= wrap_v; ++b)
+        for (a = -wrap_u; a <= wrap_u; ++a) {
+            int count;
             if (a == 0 && b == 0) continue;
-            count = conemap__push_children(map, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
-            s = conemap__open(map, i - a * w, j - b * h, apex, s, stack, count, &own_i, &own_j);
+            count = conemap__push_children(map, search, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
+            s = conemap__open(map, search, i, j, a * w, b * h, apex, s, stack, count);
         }
     return s;
 }
@@ -1195,7 +1259,7 @@ CONEMAP__INLINE float conemap__tangent(const conemap_map *map, float s) {
     return conemap__min(1.0f / sqrtf(s) * 0.99999904632568359375f, map->info.max_tan);
 }
 
-static float conemap__generate(const conemap_map *map, int i, int j, int *best_i, int *best_j) {
+static float conemap__generate(const conemap_map *map, conemap__search *search, int i, int j) {
     switch (map->info.generator) {
     case CONEMAP_RING: return conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
     case CONEMAP_QUICK_NAIVE: return conemap__tangent(map, conemap__quick(map, i, j, 0, 0));
@@ -1211,7 +1275,10 @@ static float conemap__generate(const conemap_map *map, int i, int j, int *best_i
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
     case CONEMAP_QUICK: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
-    default: return conemap__tangent(map, conemap__exact(map, i, j, best_i, best_j));
+    default: {
+        float s = conemap__exact(map, search, i, j, map->build.least_slope2);
+        return conemap__tangent(map, conemap__max(s, search->folded));
+    }
     }
 }
 
@@ -1243,16 +1310,29 @@ enum {
     CONEMAP__PASS_COUNT
 };
 
-#define CONEMAP__BAND 8 /* rows of a cone job */
+#define CONEMAP__BAND 16 /* rows of a cone job */
+#define CONEMAP__LONGEST 8.0f /* with the bilinear guarantee, texels longer than this count as so long */
 
 static int conemap__needs_pyramid(conemap_generator generator) {
     return generator == CONEMAP_EXACT || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
            generator == CONEMAP_QUICK_CENTER || generator == CONEMAP_QUICK_NAIVE_CENTER;
 }
 
+/* Correction needs the cones of neighbours as they were; otherwise they are worked on in place. */
+static int conemap__needs_plane(const conemap_desc *desc) {
+    return desc->min3x3 && desc->guarantee != CONEMAP_GUARANTEE_BILINEAR;
+}
+
+/* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
+static void conemap__safe_texel(conemap_map *map) {
+    float a = map->info.width > 1 ? map->build.texel_u : 0.0f, b = map->info.height > 1 ? map->build.texel_v : 0.0f;
+    map->build.search_u = b > 0.0f ? conemap__min(a, CONEMAP__LONGEST * b) : a;
+    map->build.search_v = a > 0.0f ? conemap__min(b, CONEMAP__LONGEST * a) : b;
+}
+
 static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
     switch (desc->generator) {
-    case CONEMAP_EXACT:
+    case CONEMAP_EXACT: return desc->guarantee;
     case CONEMAP_QUICK_NAIVE:
     case CONEMAP_QUICK: return CONEMAP_GUARANTEE_VERTEX;
     case CONEMAP_RING: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_VERTEX;
@@ -1305,9 +1385,16 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     if (desc->hybrid_weight == 0.0f) desc->hybrid_weight = 0.5f;
     if (desc->march_steps == 0) desc->march_steps = 64;
     if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_EXACT;
+    if (!CONEMAP__KNOWN(desc->guarantee, CONEMAP_GUARANTEE_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (desc->generator == CONEMAP_EXACT && desc->guarantee == CONEMAP_GUARANTEE_DEFAULT)
+        desc->guarantee = CONEMAP_GUARANTEE_BILINEAR;
+    if (desc->guarantee == CONEMAP_GUARANTEE_NONE || desc->guarantee == CONEMAP_GUARANTEE_RELAXED ||
+        (desc->guarantee != CONEMAP_GUARANTEE_DEFAULT && desc->generator != CONEMAP_EXACT &&
+         desc->guarantee != conemap__guarantee_of(desc)))
+        return CONEMAP_ERROR_UNSUPPORTED;
     if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
-        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || desc->march_steps < 0 ||
+        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) || desc->march_steps < 0 ||
         desc->march_steps > 65536 || desc->ring_limit < 0)
         return CONEMAP_ERROR_PARAMETER;
     if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
@@ -1337,6 +1424,8 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     map->build.allocator = desc->allocator;
     map->build.texel_u = 1.0f / (float)w;
     map->build.texel_v = desc->aspect / (float)h;
+    map->build.search_u = map->build.texel_u;
+    map->build.search_v = map->build.texel_v;
     map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
     if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
@@ -1355,7 +1444,14 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
         jobs[CONEMAP__PASS_STRIPS] = strips;
         jobs[CONEMAP__PASS_TOP] = 1;
     }
-    if (desc->min3x3 && !conemap__add_size(&scratch, texels, sizeof(float))) return CONEMAP_ERROR_OVERFLOW;
+    if (info->guarantee == CONEMAP_GUARANTEE_BILINEAR) {
+        conemap__safe_texel(map);
+        if (!conemap__add_size(&scratch, 2 * (size_t)bands * (size_t)w, sizeof(float)) ||
+            (desc->slack > 0.0f && !conemap__add_size(&scratch, texels + 2 * (size_t)bands * (size_t)w, sizeof(float))))
+            return CONEMAP_ERROR_OVERFLOW;
+    }
+    if (conemap__needs_plane(desc) && !conemap__add_size(&scratch, texels, sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
     for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
     if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
     *memory_size = memory;
@@ -1408,7 +1504,7 @@ CONEMAP__DEF void conemap_free(conemap_map *map) {
 /* Takes memory for a planned map and cuts it up in the order in which conemap__plan counted. */
 static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, size_t scratch_size) {
     const conemap_desc *desc = &map->build.desc;
-    size_t texels = (size_t)map->info.width * (size_t)map->info.height;
+    size_t texels = conemap__texels(map);
     unsigned char *cursor;
     conemap_result result = conemap__take(&map->build.allocator, desc->memory, desc->memory_size, memory_size,
                                           &map->build.memory, &map->build.owns_memory);
@@ -1424,7 +1520,13 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     if (scratch_size > 0) {
         cursor = (unsigned char *)map->build.scratch;
         conemap__cut_pyramid(&map->build.texels, 0, &cursor);
-        map->build.plane = desc->min3x3 ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
+        if (map->info.guarantee == CONEMAP_GUARANTEE_BILINEAR) {
+            size_t rims = 2 * (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES] * (size_t)map->info.width;
+            map->build.rims = (float *)conemap__cut(&cursor, rims, sizeof(float));
+            if (desc->slack > 0.0f) map->build.folds = (float *)conemap__cut(&cursor, texels + rims, sizeof(float));
+        }
+        map->build.plane =
+            conemap__needs_plane(desc) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
         map->build.job_results = cursor;
         memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
     }
@@ -1501,10 +1603,12 @@ static conemap_result conemap__report(const conemap_map *map, int pass, double d
 }
 
 static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
-    int x, y, w = map->info.width, best_i = 0, best_j = y0;
+    conemap__search search = conemap__make_search(map);
+    int x, y, w = map->info.width;
+    search.best_j = y0;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < w; ++x) {
-            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y, &best_i, &best_j);
+            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, &search, x, y);
             if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
                 conemap_result result =
                     conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
@@ -1514,12 +1618,364 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
     return CONEMAP_OK;
 }
 
+/* ---- cones that are safe for the bilinear surface ------------------------------------------------------------
+
+   Claim. For all points p, q of the surface, (h(q) - h(p) - d) t(p) <= |q - p|, where t(p) is the bilinear
+   interpolation of the stored tangents and d = 2^-20: the cone at p, its apex raised by d, is empty.
+   Texels are a by b, V = (a^2 + b^2) / 4, slope(p, q) = (h(q) - h(p)) / |q - p|, and f is a texel's squared slope.
+   1. One end is a vertex. For p in cell P and q in cell Q, some corner of P seen with Q, or some corner of Q seen
+      from P, has at least as large a slope (as a supremum). Fix r = q - p. Over the rectangle of p with p in P and
+      p + r in Q, h(p + r) - h(p) is bilinear, so largest at a corner, where on each axis p or q lies on a grid line.
+      If it is the same point on both axes, it is a vertex. Otherwise h(p) is affine in one coordinate and h(q) in
+      the other, the difference is k + g.r, and along a ray of r = s n the slope k / s + g.n is monotone in s: it does not
+      fall towards one of the ray's ends, where one more coordinate is at a vertex. If that end is s = 0, then p = q
+      there, so k = 0 and the slope is the same at the other end.
+   2. Same cell, P = Q: a slope is a mean of derivatives along the segment, so at most the longest gradient. h_x is affine
+      in y and h_y in x, so its square is max(h_x0^2, h_x1^2) + max(h_y0^2, h_y1^2). Reached in the limit: exact.
+   3. A corner u of another cell Q: along a ray from u the slope in Q is c1 + c2 s, largest for s -> 0, at most the
+      rising part of the gradient at u, or on one of Q's two far edges. On an edge at distance c,
+      (A + B y)^2 / (c^2 + y^2) <= A^2 / c^2 + B^2, reached at y = B c^2 / A; outside the edge, or with A <= 0, its ends.
+   4. A vertex u and a patch Q apart from it, whose corners Q_j stand D_j away and rise dh_j above it. If
+      dh_j <= S sqrt(D_j^2 - V) for all four, then for q = sum w_j Q_j, as the root is concave,
+      h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for the variance of Q_j under
+      the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V. With heights negated: the same for u seen from p in P.
+      A patch halved is two patches with midpoint corners and a smaller V; the larger of their bounds is a bound.
+   5. Every pair is seen. Let p in P, q in Q; by 1 it is a vertex u and a patch. Own cell: step 2, given to P's corners.
+      Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for
+      the corner with the largest bound: far from u (V <= tolerance D^2) the search takes the corner's bound as it is,
+      given to the 3x3 of u; nearer, it bounds that very patch by halving, given to the 3x3 of u, or to P's corners if it is P
+      that is seen from v. Where D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs looks at
+      every patch. What a search from u prunes is at most what the 3x3 of u has already.
+   6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty. Storing
+      sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to less.
+   7. Outside the outermost centres (CLAMP): projecting p and q onto the rectangle of centres keeps heights and t(p)
+      and shortens |q - p|. The same projection lets an axis of one texel count as having length 0, and texels longer than
+      8:1 count as 8:1 (shorter distances, so narrower cones; it keeps the near field small).
+   8. Rounding. Absolute: dh is off by 2^-25 and each of at most 12 halvings adds 2^-25, the shader's own height 2^-23:
+      together less than d. Relative: coordinates, squares and quotient are off by less than 2^-18 in D^2 and dh^2,
+      D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and the
+      sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off. */
+
+#define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
+
+/* A band of rows in which slopes are collected: its own rows, and one above and one below, which other bands own too
+   and conemap__merged_slope2 brings together. So jobs share nothing. */
+typedef struct conemap__band {
+    const conemap_map *map;
+    int y0, y1;
+    float a, b, deflate;        /* texel size; V */
+    int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
+    float *rows[CONEMAP__BAND + 2];
+    float *folds[CONEMAP__BAND + 2]; /* with slack: bounds that were folded in, apart from the slopes, for pruning
+                                        against them would let slack upon slack grow */
+} conemap__band;
+
+/* Heights at any whole coordinates, cells by their lower corner; an axis of one texel has one cell, constant across. */
+CONEMAP__INLINE float conemap__vertex(const conemap_map *map, int i, int j) {
+    return conemap__height(map, conemap__texel_index(i, map->info.width, map->info.wrap_u),
+                           conemap__texel_index(j, map->info.height, map->info.wrap_v));
+}
+
+CONEMAP__INLINE int conemap__inner_cell(int i, int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP || (i >= 0 && i < conemap__maxi(size - 1, 1));
+}
+
+CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
+    return conemap__inner_cell(i, map->info.width, map->info.wrap_u) &&
+           conemap__inner_cell(j, map->info.height, map->info.wrap_v);
+}
+
+/* Where the band keeps texel (i, j); null for what is not on the map. j is at most one row outside the band. */
+CONEMAP__INLINE float *conemap__slope_at(const conemap__band *band, float *const *rows, int i, int j) {
+    const conemap_info *info = &band->map->info;
+    if (info->wrap_u == CONEMAP_WRAP) i = i < 0 ? i + info->width : i >= info->width ? i - info->width : i;
+    if (i < 0 || i >= info->width || (info->wrap_v != CONEMAP_WRAP && (j < 0 || j >= info->height))) return NULL;
+    return &rows[j - (band->y0 - 1)][i];
+}
+
+CONEMAP__INLINE void conemap__raise(const conemap__band *band, float *const *rows, int i0, int i1, int j0, int j1,
+                                    float slope2) {
+    int i, j;
+    for (j = j0; j <= j1; ++j)
+        for (i = i0; i <= i1; ++i) {
+            float *at = conemap__slope_at(band, rows, i, j);
+            if (at && *at < slope2) *at = slope2;
+        }
+}
+
+CONEMAP__INLINE float conemap__least(const conemap__band *band, int i0, int i1, int j0, int j1) {
+    float least = CONEMAP__FAR;
+    int i, j;
+    for (j = j0; j <= j1; ++j)
+        for (i = i0; i <= i1; ++i) {
+            const float *at = conemap__slope_at(band, band->rows, i, j);
+            if (at) least = conemap__min(least, *at);
+        }
+    return least;
+}
+
+/* Slope along an axis whose texels may have no length. */
+CONEMAP__INLINE float conemap__over(float rise, float length) { return length > 0.0f ? rise / length : 0.0f; }
+
+/* Step 2: the square of the longest gradient in cell (i, j). */
+static float conemap__own_slope2(const conemap__band *band, int i, int j) {
+    conemap__corners h = conemap__gather(band->map->heights, conemap__cell_quad(band->map, i, j));
+    float x0 = h.h10 - h.h00, x1 = h.h11 - h.h01, y0 = h.h01 - h.h00, y1 = h.h11 - h.h10;
+    float x = conemap__over(conemap__max(conemap__max(x0, -x0), conemap__max(x1, -x1)), band->a);
+    float y = conemap__over(conemap__max(conemap__max(y0, -y0), conemap__max(y1, -y1)), band->b);
+    return x * x + y * y;
+}
+
+/* Step 3: an edge of length l at distance c, its ends `first` (at the foot of the perpendicular) and `last` above the
+   eye. */
+static float conemap__edge_slope2(float first, float last, float l, float c) {
+    float slope2 = 0.0f, rise;
+    if (!(l > 0.0f && c > 0.0f)) return 0.0f;
+    rise = (last - first) / l;
+    if (first > 0.0f) {
+        slope2 = first * first / (c * c);
+        if (rise > 0.0f && rise * c * c < first * l) return slope2 + rise * rise;
+    }
+    return last > 0.0f ? conemap__max(slope2, last * last / (l * l + c * c)) : slope2;
+}
+
+/* Step 3: vertex (i, j) looks over its own cell towards (i + si, j + sj). */
+static float conemap__corner_slope2(const conemap__band *band, int i, int j, int si, int sj) {
+    float apex = conemap__vertex(band->map, i, j);
+    float along = conemap__vertex(band->map, i + si, j) - apex, across = conemap__vertex(band->map, i, j + sj) - apex;
+    float opposite = conemap__vertex(band->map, i + si, j + sj) - apex;
+    float x = conemap__over(conemap__max(along, 0.0f), band->a), y = conemap__over(conemap__max(across, 0.0f), band->b);
+    return conemap__max(x * x + y * y, conemap__max(conemap__edge_slope2(along, opposite, band->b, band->a),
+                                                    conemap__edge_slope2(across, opposite, band->a, band->b)));
+}
+
+/* Step 4: the eye at the origin sees a patch whose corner k stands at (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above
+   it. Returns the larger of `best` and a bound of the squared slope, halving until that is tight. `above` is a bound
+   that the whole patch has already, so that halves are never worse. */
+static float conemap__patch_slope2(const float *h, float x, float y, float size_x, float size_y, float above,
+                                   float best) {
+    float v = 0.25f * (size_x * size_x + size_y * size_y), halves[2][4], top, d2;
+    float dx = conemap__max(conemap__max(x, -x - size_x), 0.0f), dy = conemap__max(conemap__max(y, -y - size_y), 0.0f);
+    int k, step = size_x >= size_y ? 1 : 2, other = 3 - step;
+    top = conemap__max(conemap__max(conemap__max(h[0], h[1]), conemap__max(h[2], h[3])), 0.0f);
+    d2 = dx * dx + dy * dy;
+    if (top * top < above * d2) above = top * top / d2;
+    if (d2 >= 2.0f * v) {
+        float bound = 0.0f;
+        for (k = 0; k < 4; ++k)
+            if (h[k] > 0.0f) {
+                float cx = k & 1 ? x + size_x : x, cy = k & 2 ? y + size_y : y;
+                bound = conemap__max(bound, h[k] * h[k] / (cx * cx + cy * cy - v));
+            }
+        above = conemap__min(above, bound);
+        if (above <= best || v <= CONEMAP__TOLERANCE * d2) return conemap__max(above, best);
+    }
+    if (above <= best) return best;
+    for (k = 0; k < 2; ++k) {
+        int low = k * other, high = low + step;
+        float middle = 0.5f * (h[low] + h[high]);
+        halves[0][low] = h[low];
+        halves[0][high] = halves[1][low] = middle;
+        halves[1][high] = h[high];
+    }
+    if (step == 1) {
+        size_x *= 0.5f;
+        best = conemap__patch_slope2(halves[0], x, y, size_x, size_y, above, best);
+        return conemap__patch_slope2(halves[1], x + size_x, y, size_x, size_y, above, best);
+    }
+    size_y *= 0.5f;
+    best = conemap__patch_slope2(halves[0], x, y, size_x, size_y, above, best);
+    return conemap__patch_slope2(halves[1], x, y + size_y, size_x, size_y, above, best);
+}
+
+/* Cell (i, j) and vertex (k, l): the vertex looks up at the cell (sign 1), or the cell at the vertex (-1). */
+static float conemap__cell_slope2(const conemap__band *band, int i, int j, int k, int l, float sign, float best) {
+    float apex = conemap__vertex(band->map, k, l), h[4];
+    int c;
+    for (c = 0; c < 4; ++c) h[c] = sign * (conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex);
+    return conemap__patch_slope2(h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b,
+                                 CONEMAP__FAR, best);
+}
+
+/* Step 4's bound for a corner that rises dh, or 0 where it means nothing (conemap__close_pairs sees to those). */
+CONEMAP__INLINE float conemap__corner_bound(const conemap__band *band, float dh, int di, int dj) {
+    float x = (float)di * band->a, y = (float)dj * band->b, d2 = x * x + y * y - band->deflate;
+    return dh > 0.0f && d2 > 0.5f * band->deflate ? dh * dh / d2 : 0.0f;
+}
+
+CONEMAP__INLINE int conemap__touches(int i, int j, int k, int l) {
+    return k >= i && k <= i + 1 && l >= j && l <= j + 1;
+}
+
+/* Does another corner of cell (i, j) have a larger bound with vertex (k, l)? Then the cell is looked at for that one. */
+static int conemap__outdone(const conemap__band *band, int i, int j, int k, int l, float sign, float bound) {
+    float apex = conemap__vertex(band->map, k, l);
+    int c;
+    for (c = 0; c < 4; ++c) {
+        int x = i + (c & 1), y = j + (c >> 1);
+        float dh = sign * (conemap__vertex(band->map, x, y) - apex);
+        if (conemap__corner_bound(band, dh, x - k, y - l) > bound) return 1;
+    }
+    return 0;
+}
+
+/* The cells of u as one of them, (i, j), is seen from vertex v: concerns the cell's own corners. */
+static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj) {
+    float least = conemap__least(band, i, i + 1, j, j + 1);
+    float slope2 = conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least);
+    if (slope2 > least) conemap__raise(band, band->rows, i, i + 1, j, j + 1, slope2);
+}
+
+/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. */
+static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float best) {
+    float dh = conemap__vertex(band->map, vi, vj) - conemap__vertex(band->map, ui, uj);
+    float bound = conemap__corner_bound(band, dh, vi - ui, vj - uj);
+    int k, i, j;
+    for (k = 0; k < 4; ++k) {
+        i = vi - (k & 1);
+        j = vj - (k >> 1);
+        if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, ui, uj) &&
+            !conemap__outdone(band, i, j, ui, uj, 1.0f, bound))
+            best = conemap__cell_slope2(band, i, j, ui, uj, 1.0f, best);
+        i = ui - (k & 1);
+        j = uj - (k >> 1);
+        if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, vi, vj) &&
+            !conemap__outdone(band, i, j, vi, vj, -1.0f, bound))
+            conemap__raise_seen_cell(band, i, j, vi, vj);
+    }
+    return best;
+}
+
+/* Step 5 for long texels: every patch that comes so close to a vertex that D^2 - V means little. */
+static float conemap__close_pairs(const conemap__band *band, int i, int j, float best) {
+    float near2 = 1.6f * band->deflate;
+    int di, dj, k;
+    for (dj = -band->close_v - 1; dj <= band->close_v; ++dj)
+        for (di = -band->close_u - 1; di <= band->close_u; ++di) {
+            float x = (float)conemap__maxi(0, conemap__maxi(di, -di - 1)) * band->a;
+            float y = (float)conemap__maxi(0, conemap__maxi(dj, -dj - 1)) * band->b, d2 = x * x + y * y;
+            if (d2 == 0.0f || d2 >= near2) continue;
+            /* a cell seen from this vertex */
+            if (conemap__cell_exists(band->map, i + di, j + dj))
+                best = conemap__cell_slope2(band, i + di, j + dj, i, j, 1.0f, best);
+            /* the mirrored offset: this vertex's cells, seen from the vertex there */
+            for (k = 0; k < 4; ++k) {
+                int ci = i - (k & 1), cj = j - (k >> 1), vi = ci - di, vj = cj - dj;
+                if (!conemap__cell_exists(band->map, ci, cj)) continue;
+                if ((band->map->info.wrap_u != CONEMAP_WRAP && (vi < 0 || vi >= band->map->info.width)) ||
+                    (band->map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= band->map->info.height)))
+                    continue;
+                conemap__raise_seen_cell(band, ci, cj, vi, vj);
+            }
+        }
+    return best;
+}
+
+/* Everything that vertex (i, j) sees and that is steeper than what its 3x3 texels have already. */
+static void conemap__safe_vertex(const conemap__band *band, int i, int j, conemap__search *search) {
+    float least = conemap__least(band, i - 1, i + 1, j - 1, j + 1), best = least;
+    int k;
+    for (k = 0; k < 4; ++k) {
+        int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
+        if (conemap__cell_exists(band->map, conemap__mini(i, i + si), conemap__mini(j, j + sj)))
+            best = conemap__max(best, conemap__corner_slope2(band, i, j, si, sj));
+    }
+    if (band->close_u || band->close_v) best = conemap__close_pairs(band, i, j, best);
+    best = conemap__exact(band->map, search, i, j, best);
+    if (best > least) conemap__raise(band, band->rows, i - 1, i + 1, j - 1, j + 1, best);
+    if (search->folded > best) conemap__raise(band, band->folds, i - 1, i + 1, j - 1, j + 1, search->folded);
+}
+
+/* The band of a job, its rows in the plane and in the rims. */
+static conemap__band conemap__make_band(const conemap_map *map, int job) {
+    conemap__band band;
+    size_t w = (size_t)map->info.width;
+    int y;
+    float a = map->build.search_u, b = map->build.search_v;
+    memset(&band, 0, sizeof band);
+    band.map = map;
+    band.y0 = job * CONEMAP__BAND;
+    band.y1 = conemap__mini(band.y0 + CONEMAP__BAND, map->info.height);
+    band.a = a;
+    band.b = b;
+    band.deflate = 0.25f * (a * a + b * b);
+    if (a > 0.0f && b > 0.0f && 1.55f * band.deflate > conemap__min(a, b) * conemap__min(a, b)) {
+        band.close_u = (int)(sqrtf(1.6f * band.deflate) / a) + 1;
+        band.close_v = (int)(sqrtf(1.6f * band.deflate) / b) + 1;
+    }
+    for (y = band.y0 - 1; y <= band.y1; ++y) {
+        size_t rim = (2 * (size_t)job + (y == band.y1)) * w, row = (size_t)conemap__maxi(y, 0) * w;
+        int outside = y < band.y0 || y >= band.y1, k = y - (band.y0 - 1);
+        band.rows[k] = outside ? map->build.rims + rim : map->build.plane + row;
+        if (map->build.folds)
+            band.folds[k] = outside ? map->build.folds + conemap__texels(map) + rim : map->build.folds + row;
+    }
+    return band;
+}
+
+static conemap_result conemap__safe_band(const conemap_map *map, int job) {
+    conemap__band band = conemap__make_band(map, job);
+    conemap__search search = conemap__make_search(map);
+    float least = map->build.least_slope2 * (1.0f - 1.0f / 16384.0f); /* so that step 8's margin leaves max_tan whole */
+    int x, y, w = map->info.width;
+    search.band = &band;
+    search.deflate = band.deflate;
+    search.near2 = band.deflate / CONEMAP__TOLERANCE;
+    for (y = band.y0 - 1; y <= band.y1; ++y)
+        for (x = 0; x < w; ++x) {
+            band.rows[y - (band.y0 - 1)][x] = least;
+            if (map->build.folds) band.folds[y - (band.y0 - 1)][x] = 0.0f;
+        }
+    for (y = band.y0 - 1; y < band.y1; ++y) /* cells that touch the band */
+        for (x = map->info.wrap_u == CONEMAP_WRAP ? -1 : 0; x < w; ++x)
+            if (conemap__cell_exists(map, x, y))
+                conemap__raise(&band, band.rows, x, x + 1, y, y + 1, conemap__own_slope2(&band, x, y));
+    for (y = band.y0; y < band.y1; ++y)
+        for (x = 0; x < w; ++x) {
+            conemap__safe_vertex(&band, x, y, &search);
+            if (x % 256 == 255 || x == w - 1) {
+                conemap_result result =
+                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
+/* A texel's steepest slope over the bands that saw it: in one plane of rows and rims. */
+static float conemap__merged_slope2(const conemap_map *map, const float *plane, const float *rims, int i, int j) {
+    int h = map->info.height, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND, band = j / CONEMAP__BAND;
+    size_t w = (size_t)map->info.width, x = (size_t)i;
+    int wraps = map->info.wrap_v == CONEMAP_WRAP;
+    float slope2 = plane[(size_t)j * w + x];
+    if (j == band * CONEMAP__BAND && (band > 0 || wraps)) {
+        size_t before = (size_t)(band > 0 ? band - 1 : bands - 1);
+        slope2 = conemap__max(slope2, rims[(2 * before + 1) * w + x]);
+    }
+    if (j == conemap__mini((band + 1) * CONEMAP__BAND, h) - 1 && (band < bands - 1 || wraps)) {
+        size_t after = (size_t)(band < bands - 1 ? band + 1 : 0);
+        slope2 = conemap__max(slope2, rims[2 * after * w + x]);
+    }
+    return slope2;
+}
+
+/* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
+static float conemap__safe_tangent(const conemap_map *map, int i, int j) {
+    float slope2 = conemap__merged_slope2(map, map->build.plane, map->build.rims, i, j);
+    if (map->build.folds)
+        slope2 = conemap__max(slope2, conemap__merged_slope2(map, map->build.folds,
+                                                             map->build.folds + conemap__texels(map), i, j));
+    return conemap__min(1.0f / sqrtf(slope2) * (1.0f - 1.0f / 65536.0f), map->info.max_tan);
+}
+
 static void conemap__store_rows(conemap_map *map, int y0, int y1) {
     int x, y;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < map->info.width; ++x) {
             size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
-            float tangent = map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y) : map->build.plane[at];
+            float tangent = map->build.rims      ? conemap__safe_tangent(map, x, y)
+                            : map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y)
+                                               : map->build.plane[at];
             map->build.cones[at] = conemap__store_cone(&map->info, map->heights[at], tangent);
         }
 }
@@ -1546,7 +2002,9 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
     case CONEMAP__PASS_STRIPS: conemap__pyramid_strip(map, &map->build.texels, job); break;
     case CONEMAP__PASS_TOP: conemap__pyramid_top(map, &map->build.texels); break;
     case CONEMAP__PASS_CONES:
-        result = conemap__cone_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
+        result = map->build.rims ? conemap__safe_band(map, job)
+                                 : conemap__cone_rows(map, job * CONEMAP__BAND,
+                                                      conemap__mini((job + 1) * CONEMAP__BAND, h));
         break;
     case CONEMAP__PASS_STORE:
         conemap__store_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
@@ -1560,7 +2018,7 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
 }
 
 static uint64_t conemap__hash_heights(const conemap_map *map) {
-    size_t count = (size_t)map->info.width * (size_t)map->info.height, k;
+    size_t count = conemap__texels(map), k;
     uint64_t hash = conemap__hash(CONEMAP__HASH_START, (uint64_t)map->info.width);
     hash = conemap__hash(hash, (uint64_t)map->info.height);
     for (k = 0; k < count; ++k) hash = conemap__hash(hash, conemap__bits(map->heights[k]));
@@ -1593,7 +2051,7 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
     map->build.scratch = NULL;
     map->build.owns_scratch = 0;
     map->build.job_results = NULL;
-    map->build.plane = NULL;
+    map->build.plane = map->build.rims = map->build.folds = NULL;
     memset(&map->build.texels, 0, sizeof map->build.texels);
     memset(&map->build.desc, 0, sizeof map->build.desc);
     return CONEMAP_OK;
@@ -1811,7 +2269,7 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     if (words[2] < 1 || words[3] < 1 || words[2] > CONEMAP_MAX_SIZE || words[3] > CONEMAP_MAX_SIZE ||
         words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
         words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
-        words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] >= CONEMAP_GUARANTEE_COUNT ||
+        words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 || words[13] >= CONEMAP_GUARANTEE_COUNT ||
         words[14] > 1)
         return CONEMAP_ERROR_FILE_CORRUPT;
     memset(&read, 0, sizeof read);
@@ -2665,6 +3123,8 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__FILE_HEADER
 #undef CONEMAP__REACH
 #undef CONEMAP__MARGIN
+#undef CONEMAP__TOLERANCE
+#undef CONEMAP__LONGEST
 #undef CONEMAP__NEVER
 #undef CONEMAP__APEX_SLACK
 

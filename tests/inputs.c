@@ -140,6 +140,17 @@ static void descs(void)
     REFUSE(desc.hybrid_weight = -0.1f; desc.generator = CONEMAP_HYBRID, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.hybrid_weight = 1.1f; desc.generator = CONEMAP_HYBRID, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.hybrid_weight = 1.0f; desc.generator = CONEMAP_HYBRID, CONEMAP_OK);
+    REFUSE(desc.slack = nan, CONEMAP_ERROR_PARAMETER);
+    REFUSE(desc.slack = -0.1f, CONEMAP_ERROR_PARAMETER);
+    REFUSE(desc.slack = 17.0f, CONEMAP_ERROR_PARAMETER);
+    REFUSE(desc.slack = 16.0f, CONEMAP_OK);
+    REFUSE(desc.guarantee = (conemap_guarantee)CONEMAP_GUARANTEE_COUNT, CONEMAP_ERROR_ENUM);
+    REFUSE(desc.guarantee = (conemap_guarantee)-1, CONEMAP_ERROR_ENUM);
+    REFUSE(desc.guarantee = CONEMAP_GUARANTEE_NONE, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.guarantee = CONEMAP_GUARANTEE_RELAXED, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.guarantee = CONEMAP_GUARANTEE_BILINEAR; desc.generator = CONEMAP_RING, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.guarantee = CONEMAP_GUARANTEE_VERTEX; desc.generator = CONEMAP_RELAXED, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.guarantee = CONEMAP_GUARANTEE_VERTEX; desc.generator = CONEMAP_QUICK, CONEMAP_OK);
     REFUSE(desc.march_steps = -1; desc.generator = CONEMAP_RELAXED_SAMPLED, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.march_steps = 65537; desc.generator = CONEMAP_RELAXED_SAMPLED, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.march_steps = 1; desc.generator = CONEMAP_RELAXED_SAMPLED, CONEMAP_OK);

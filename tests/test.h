@@ -20,6 +20,7 @@ extern const struct test_case truth_tests[];
 extern const struct test_case oracle_tests[];
 extern const struct test_case formats_tests[];
 extern const struct test_case samples_tests[];
+extern const struct test_case safe_tests[];
 extern const struct test_case tracers_tests[];
 extern const struct test_case builds_tests[];
 extern const struct test_case inputs_tests[];

@@ -1,0 +1,271 @@
+/* Cones with the bilinear guarantee and with slack, against dense sampling in double precision. A point test can miss a
+   violation between its points (tests/verify.c proves cells by bounds), but it shares nothing with the code it judges. */
+#include <math.h>
+#include <string.h>
+
+#include "conemap.h"
+#include "test.h"
+#include "zoo.h"
+
+#define MOST (12 * 12)
+#define GRID 4 /* steps across a cell */
+#define APEX (1.0 / 1048576.0)
+
+struct relief {
+    int kind, width, height;
+    conemap_wrap wrap_u, wrap_v;
+    float aspect;
+    float heights[MOST], cones[MOST];
+};
+
+static const char *describe(const struct relief *r)
+{
+    static char text[128];
+    snprintf(text, sizeof text, "%s %dx%d wraps %d %d aspect %g", zoo_name(r->kind), r->width, r->height,
+             (int)r->wrap_u, (int)r->wrap_v, (double)r->aspect);
+    return text;
+}
+
+static conemap_result build(struct relief *r, conemap_guarantee guarantee, float slack, float max_tan)
+{
+    conemap_desc desc;
+    conemap_map map;
+    conemap_result result;
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = r->heights;
+    desc.heights.width = r->width;
+    desc.heights.height = r->height;
+    desc.wrap_u = r->wrap_u;
+    desc.wrap_v = r->wrap_v;
+    desc.aspect = r->aspect;
+    desc.guarantee = guarantee;
+    desc.slack = slack;
+    desc.max_tan = max_tan;
+    result = conemap_build(&desc, &map);
+    if (!CHECK(result == CONEMAP_OK, "%s: %s", describe(r), conemap_result_string(result))) return result;
+    memcpy(r->cones, map.cones, sizeof(float) * (size_t)(r->width * r->height));
+    conemap_free(&map);
+    return result;
+}
+
+static int texel(int i, int size, conemap_wrap wrap)
+{
+    if (wrap == CONEMAP_WRAP) return (i % size + size) % size;
+    return i < 0 ? 0 : i >= size ? size - 1 : i;
+}
+
+/* The four values of a plane around cell (i, j). */
+static void corners(const struct relief *r, const float *plane, int i, int j, double *c)
+{
+    int k;
+    for (k = 0; k < 4; ++k) {
+        c[k] = (double)plane[texel(j + (k >> 1), r->height, r->wrap_v) * r->width +
+                             texel(i + (k & 1), r->width, r->wrap_u)];
+    }
+}
+
+static double mix(const double *c, double x, double y)
+{
+    return (1.0 - y) * ((1.0 - x) * c[0] + x * c[1]) + y * ((1.0 - x) * c[2] + x * c[3]);
+}
+
+static void span(int size, conemap_wrap wrap, int images, int *low, int *high)
+{
+    *low = wrap == CONEMAP_WRAP ? -images * size : wrap == CONEMAP_CLAMP ? -1 : 0;
+    *high = wrap == CONEMAP_WRAP ? (1 + images) * size - 1 : wrap == CONEMAP_CLAMP ? size - 1 : size - 2;
+    if (wrap == CONEMAP_NOTHING && size == 1) *low = *high = 0;
+}
+
+/* The largest (h(q) - h(p) - d) t(p) / |q - p| over grid points of all cells, and t(p) |gradient| at cell corners: above 1
+   is a cone that holds a point of the surface. */
+static double worst_ratio(const struct relief *r, double widen)
+{
+    double a = 1.0 / (double)r->width, b = (double)r->aspect / (double)r->height, worst = 0.0;
+    int i0, i1, j0, j1, k0, k1, l0, l1, i, j, k, l, x, y, p, q;
+    span(r->width, r->wrap_u, 0, &i0, &i1);
+    span(r->height, r->wrap_v, 0, &j0, &j1);
+    span(r->width, r->wrap_u, 1, &k0, &k1);
+    span(r->height, r->wrap_v, 1, &l0, &l1);
+    for (j = j0; j <= j1; ++j) {
+        for (i = i0; i <= i1; ++i) {
+            double h[4], t[4];
+            corners(r, r->heights, i, j, h);
+            corners(r, r->cones, i, j, t);
+            for (p = 0; p < 4; ++p) {
+                double gx = (p & 2 ? h[3] - h[2] : h[1] - h[0]) / a, gy = (p & 1 ? h[3] - h[1] : h[2] - h[0]) / b;
+                /* within d of the apex the cone may touch: only gradients that outgrow it count */
+                double steep = t[p] * widen * sqrt(gx * gx + gy * gy);
+                if (sqrt(gx * gx + gy * gy) * (a < b ? a : b) > 1e-3 && steep > worst) worst = steep;
+            }
+            for (y = 0; y <= GRID; ++y) {
+                for (x = 0; x <= GRID; ++x) {
+                    double px = i + (double)x / GRID, py = j + (double)y / GRID;
+                    double ph = mix(h, (double)x / GRID, (double)y / GRID);
+                    double pt = mix(t, (double)x / GRID, (double)y / GRID) * widen;
+                    for (l = l0; l <= l1; ++l) {
+                        for (k = k0; k <= k1; ++k) {
+                            double g[4];
+                            corners(r, r->heights, k, l, g);
+                            if (g[0] <= ph && g[1] <= ph && g[2] <= ph && g[3] <= ph) continue;
+                            for (q = 0; q < (GRID + 1) * (GRID + 1); ++q) {
+                                double qx = (double)(q % (GRID + 1)) / GRID, qy = (double)(q / (GRID + 1)) / GRID;
+                                double dx = (k + qx - px) * a, dy = (l + qy - py) * b, d = sqrt(dx * dx + dy * dy);
+                                double rise = mix(g, qx, qy) - ph - APEX;
+                                if (rise > 0.0 && d > 0.0 && rise * pt > worst * d) worst = rise * pt / d;
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    return worst;
+}
+
+static void for_zoo(const int (*sizes)[2], int size_count, void (*visit)(struct relief *))
+{
+    static struct relief r;
+    int n, wraps, turn = 0;
+    for (n = 0; n < size_count; ++n) {
+        for (r.kind = 0; r.kind < ZOO_KINDS; ++r.kind) {
+            for (wraps = turn++ % 2; wraps < 9; wraps += 2) {
+                r.width = sizes[n][0];
+                r.height = sizes[n][1];
+                r.wrap_u = (conemap_wrap)(wraps % 3);
+                r.wrap_v = (conemap_wrap)(wraps / 3);
+                r.aspect = wraps % 2 ? 1.0f : (float)r.height / (float)r.width;
+                zoo_fill(r.kind, r.width, r.height, 3, r.heights);
+                visit(&r);
+            }
+        }
+    }
+}
+
+static const int small_sizes[][2] = {{1, 1}, {1, 7}, {6, 1}, {2, 2}, {3, 5}, {9, 8}};
+static int touching, widened_caught, reliefs;
+
+static void visit_safe(struct relief *r)
+{
+    double worst;
+    if (build(r, CONEMAP_GUARANTEE_BILINEAR, 0.0f, 16.0f) != CONEMAP_OK) return;
+    worst = worst_ratio(r, 1.0);
+    CHECK(worst <= 1.0 + 1e-9, "%s: a cone reaches %.9g of the way", describe(r), worst);
+    ++reliefs;
+    if (worst > 0.9) ++touching;
+    if (worst * 1.01 > 1.0) ++widened_caught;
+}
+
+static void interpolated_cones_are_empty(void)
+{
+    reliefs = touching = widened_caught = 0;
+    for_zoo(small_sizes, 6, visit_safe);
+    CHECK(touching > reliefs / 2, "only %d of %d maps have a cone that nearly touches", touching, reliefs);
+    CHECK(widened_caught > 0, "nothing is caught when cones are widened by 1 %%");
+    test_note("safe cones nearly touch in %d of %d maps, 1 %% wider ones cut in %d", touching, reliefs, widened_caught);
+}
+
+/* The same judge finds what vertex cones do, also after the 3x3 minimum [BV24 eq. 2]. */
+static void vertex_cones_are_not_empty(void)
+{
+    /* DESIGN: a rising edge between two texels can beat both its ends; vertex slope .7, surface .99 */
+    static const float edge[4] = {0.0f, 0.7f, 0.7f, 0.99f};
+    struct relief r;
+    double worst;
+    memset(&r, 0, sizeof r);
+    r.width = r.height = 2;
+    r.aspect = 1.0f;
+    memcpy(r.heights, edge, sizeof edge);
+    if (build(&r, CONEMAP_GUARANTEE_VERTEX, 0.0f, 16.0f) != CONEMAP_OK) return;
+    worst = worst_ratio(&r, 1.0);
+    CHECK(worst > 1.35, "the vertex cone reaches only %g", worst);
+    if (build(&r, CONEMAP_GUARANTEE_BILINEAR, 0.0f, 16.0f) != CONEMAP_OK) return;
+    CHECK(worst_ratio(&r, 1.0) <= 1.0 && r.cones[0] * 2.0f * 0.99f > 0.99f, "bilinear: %g, cone %g", worst_ratio(&r, 1.0),
+          (double)r.cones[0]);
+}
+
+/* Long texels go through their own branch of the generator. */
+static void long_texels(void)
+{
+    static const float aspects[] = {0.02f, 0.3f, 1.5f, 3.0f, 40.0f};
+    static struct relief r;
+    int k;
+    for (k = 0; k < 5; ++k) {
+        for (r.kind = 0; r.kind < ZOO_KINDS; ++r.kind) {
+            r.width = 8;
+            r.height = 7;
+            r.wrap_u = (conemap_wrap)(r.kind % 3);
+            r.wrap_v = (conemap_wrap)(r.kind / 3 % 3);
+            r.aspect = aspects[k];
+            zoo_fill(r.kind, r.width, r.height, 3, r.heights);
+            if (build(&r, CONEMAP_GUARANTEE_BILINEAR, 0.0f, 100.0f) != CONEMAP_OK) return;
+            CHECK(worst_ratio(&r, 1.0) <= 1.0 + 1e-9, "%s: a cone reaches %.9g of the way", describe(&r),
+                  worst_ratio(&r, 1.0));
+        }
+    }
+}
+
+static void visit_slack(struct relief *r)
+{
+    static const float slacks[] = {0.05f, 0.5f, 2.0f, 16.0f};
+    static float exact[MOST];
+    int g, k, n = r->width * r->height, e;
+    for (g = 0; g < 2; ++g) {
+        conemap_guarantee guarantee = g ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+        if (build(r, guarantee, 0.0f, 16.0f) != CONEMAP_OK) return;
+        memcpy(exact, r->cones, sizeof exact);
+        for (e = 0; e < 4; ++e) {
+            if (build(r, guarantee, slacks[e], 16.0f) != CONEMAP_OK) return;
+            for (k = 0; k < n; ++k) {
+                if (!(r->cones[k] <= exact[k]) ||
+                    !((double)r->cones[k] * (1.0 + (double)slacks[e]) >= (double)exact[k] * (1.0 - 1e-5))) {
+                    CHECK(0, "%s guarantee %d slack %g texel %d: %.9g of %.9g", describe(r), (int)guarantee,
+                          (double)slacks[e], k, (double)r->cones[k], (double)exact[k]);
+                    break;
+                }
+                if (r->cones[k] < exact[k]) ++touching;
+            }
+        }
+    }
+}
+
+static void slack_is_bounded(void)
+{
+    static const int sizes[][2] = {{3, 5}, {12, 12}, {9, 7}};
+    touching = 0;
+    for_zoo(sizes, 3, visit_slack);
+    CHECK(touching > 100, "slack hardly ever narrows a cone (%d)", touching);
+}
+
+/* Bands meet at rows 16, 32, ...: cones there must be what they are in the middle of a band. */
+static void bands_do_not_show(void)
+{
+    static float heights[24 * 40], shifted[24 * 40];
+    conemap_desc desc;
+    conemap_map map, other;
+    int x, y;
+    zoo_fill(ZOO_FBM, 24, 40, 3, heights);
+    for (y = 0; y < 40; ++y) memcpy(shifted + (y + 7) % 40 * 24, heights + y * 24, 24 * sizeof(float));
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = heights;
+    desc.heights.width = 24;
+    desc.heights.height = 40;
+    desc.wrap_u = desc.wrap_v = CONEMAP_WRAP;
+    REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+    desc.heights.pixels = shifted;
+    REQUIRE(conemap_build(&desc, &other) == CONEMAP_OK, "build");
+    for (y = 0; y < 40; ++y)
+        for (x = 0; x < 24; ++x)
+            CHECK(map.cones[y * 24 + x] == other.cones[(y + 7) % 40 * 24 + x], "(%d, %d): %.9g, rolled by 7 rows %.9g",
+                  x, y, (double)map.cones[y * 24 + x], (double)other.cones[(y + 7) % 40 * 24 + x]);
+    conemap_free(&map);
+    conemap_free(&other);
+}
+
+const struct test_case safe_tests[] = {
+    {"interpolated cones are empty", interpolated_cones_are_empty},
+    {"vertex cones are not", vertex_cones_are_not_empty},
+    {"long texels", long_texels},
+    {"slack is bounded", slack_is_bounded},
+    {"bands do not show", bands_do_not_show},
+    {NULL, NULL},
+};
