@@ -101,6 +101,7 @@ static const struct name refinement_names[] = {{"none", CONEMAP_REFINE_NONE},
                                                {NULL, 0}};
 static const struct name guarantee_names[] = {{"none", CONEMAP_GUARANTEE_NONE},
                                               {"vertex", CONEMAP_GUARANTEE_VERTEX},
+                                              {"bilinear", CONEMAP_GUARANTEE_BILINEAR},
                                               {"relaxed", CONEMAP_GUARANTEE_RELAXED},
                                               {NULL, 0}};
 
@@ -851,9 +852,12 @@ static EXAMPLE_UNUSED void print_input_help(void) {
 
 static EXAMPLE_UNUSED void print_build_help(void) {
     puts("Cones\n"
-         "  --generator NAME        quick (default), quick-naive, ring: conservative\n"
+         "  --generator NAME        exact (default): the widest; quick, quick-naive: narrower, no vertex in a\n"
+         "                          cone; ring: exact vertex cones, slowly\n"
          "                          quick-center, quick-naive-center: wider heuristics, not safe\n"
          "                          relaxed, relaxed-sampled, hybrid: for descending rays with bisection\n"
+         "  --guarantee NAME        exact: bilinear (default), no interpolated cone cuts the surface; vertex\n"
+         "  --slack E               exact: cones narrower by up to 1 / (1 + E), for time (0)\n"
          "  --min3x3                each cone the narrowest of its 3x3 block\n"
          "  --wrap KIND             beyond the border: clamp (default), wrap, nothing; both axes\n"
          "  --wrap-u KIND, --wrap-v KIND\n"
@@ -894,6 +898,9 @@ static EXAMPLE_UNUSED int map_option(struct args *args, struct map_options *o) {
     else if (arg_is(args, "--heights")) o->heights = arg_text(args);
     else {
         if (arg_is(args, "--generator")) desc->generator = (conemap_generator)arg_name(args, generator_names);
+        else if (arg_is(args, "--guarantee"))
+            desc->guarantee = (conemap_guarantee)arg_name(args, guarantee_names);
+        else if (arg_is(args, "--slack")) desc->slack = arg_float(args, 0.0, 16.0);
         else if (arg_is(args, "--min3x3")) desc->min3x3 = 1;
         else if (arg_is(args, "--wrap"))
             desc->wrap_u = desc->wrap_v = (conemap_wrap)arg_name(args, wrap_names);

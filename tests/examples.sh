@@ -61,7 +61,9 @@ refuses build/bake $map -o "$dir/x.cone" --max-tan -1
 
 # Every generator, format, encoding and layout can be asked for, and what is baked renders.
 printf 'P2 4 3 9\n0 1 2 3\n4 5 6 7\n8 9 0 1\n' >"$dir/tiny.pgm"
-for generator in ring quick quick-naive quick-center quick-naive-center relaxed relaxed-sampled hybrid; do
+works build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee vertex --slack 0.5
+refuses build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee bilinear --generator ring
+for generator in exact ring quick quick-naive quick-center quick-naive-center relaxed relaxed-sampled hybrid; do
     works build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --generator $generator --min3x3
     works build/render "$dir/t.cone" -o "$dir/t.png" --size 16x16
 done
@@ -74,7 +76,7 @@ for format in f32 f16 unorm16 unorm8; do
         done
     done
 done
-for tracer in linear fixed loop exact-step cell-max maxmip qdm; do
+for tracer in exact linear fixed loop exact-step cell-max maxmip qdm; do
     works build/render "$dir/good.cone" -o "$dir/t.png" --size 32x32 --tracer $tracer --refine bisect
 done
 [ $failed = 0 ] && echo "examples: all as they should be"

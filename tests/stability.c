@@ -4,9 +4,13 @@
    is reported. A false hit: the ray is more than 2^-20 above the surface wherever the reported hit can mean.
 
    What a reported hit can mean: a tracer works in double precision and reports the float nearest to its t. So its own t
-   lies within half a unit in the last place of hit.t, and the true surface is asked over that whole interval and
-   nothing beyond. Before the interval a rise is a miss; if the least clearance over it exceeds 2^-20 the hit is
-   false. No slope enters, so a wall 2^14 steep is judged as sharply as a plain.
+   lies within half a unit in the last place of hit.t, give or take the time in which the ray moves by 1e-12, which is
+   room for the rounding of doubles here and there (and less than 2^-25 of height on a wall 2^14 steep). The true
+   surface is asked over that whole interval and nothing beyond. Before the interval a rise is a miss; if the least
+   clearance over it exceeds 2^-20 the hit is false. No slope enters, so a wall is judged as sharply as a plain.
+
+   A direction's component below 1e-30 of the longest counts as 0, as the header has it: it would matter only to a
+   ray that begins less than 1e-24 off a side of the box.
 
    STABILITY_RAYS decides how many rays are sent. A whole program of its own, for hundreds of millions of them:
 
@@ -490,7 +494,8 @@ static conemap_ray make_ray(const struct scene *s, struct zoo_random *random, in
             if (which & 1 << k) ray.direction[k] = tiny[zoo_below(random, 8)];
         }
     }
-    if (ray.direction[0] == 0.0f && ray.direction[1] == 0.0f && ray.direction[2] == 0.0f) ray.direction[2] = -1.0f;
+    for (k = 0; k < 3 && fabsf(ray.direction[k]) < 1e-15f; ++k) continue;
+    if (k == 3) ray.direction[2] = -1.0f; /* t itself would be no float */
     keep_short(s, random, &ray);
     if (kind == RAY_RANGE) {
         ray.t_min = zoo_unit(random);
@@ -501,8 +506,6 @@ static conemap_ray make_ray(const struct scene *s, struct zoo_random *random, in
         const float scale = zoo_below(random, 2) ? 1e20f : 1e-20f;
         for (k = 0; k < 3; ++k) ray.direction[k] *= scale;
         ray.t_max /= scale;
-        if (ray.direction[0] == 0.0f && ray.direction[1] == 0.0f && ray.direction[2] == 0.0f)
-            ray.direction[2] = -scale;
     }
     return ray;
 }
@@ -511,6 +514,7 @@ static conemap_ray make_ray(const struct scene *s, struct zoo_random *random, in
 
 struct verdict {
     double o[3], d[3], begin, end; /* the part of the ray within the box, up to the highest texel */
+    double grain;                  /* a time in which the ray moves by 1e-12 */
     double rise;                   /* before this, the surface rises nowhere 0.99 x 2^-20 above the ray */
 };
 
@@ -540,11 +544,17 @@ static double first_rise(struct truth_walk *walk) {
 static struct verdict judge(const struct scene *s, const conemap_ray *ray) {
     struct verdict v;
     struct truth_walk walk;
+    double longest = 0.0;
     int k;
     for (k = 0; k < 3; ++k) {
         v.o[k] = (double)ray->origin[k];
         v.d[k] = (double)ray->direction[k];
+        longest = fmax(longest, fabs(v.d[k]));
     }
+    for (k = 0; k < 3; ++k) {
+        if (fabs(v.d[k]) < 1e-30 * longest) v.d[k] = 0.0;
+    }
+    v.grain = 1e-12 / longest;
     v.begin = (double)ray->t_min;
     v.end = ray->t_max > 0.0f ? (double)ray->t_max : HUGE_VAL;
     if (v.d[2] != 0.0) {
@@ -560,17 +570,17 @@ static struct verdict judge(const struct scene *s, const conemap_ray *ray) {
     return v;
 }
 
-/* The interval of every t that rounds to a float. */
-static void round_to(float t, double *low, double *high) {
-    *low = 0.5 * ((double)t + (double)nextafterf(t, 0.0f));
-    *high = 0.5 * ((double)t + (double)nextafterf(t, FLT_MAX));
+/* Every t that a reported one can stand for: what rounds to this float, and a grain. */
+static void round_to(const struct verdict *v, float t, double *low, double *high) {
+    *low = 0.5 * ((double)t + (double)nextafterf(t, 0.0f)) - v->grain;
+    *high = 0.5 * ((double)t + (double)nextafterf(t, FLT_MAX)) + v->grain;
 }
 
 /* Does the surface rise above the ray before what was reported? How far, at the most. */
 static int is_miss(const struct scene *s, const struct verdict *v, const conemap_hit *hit, double *depth) {
     double low = v->end, high;
     *depth = 0.0;
-    if (hit->status == CONEMAP_HIT || hit->status == CONEMAP_STEP_CAP) round_to(hit->t, &low, &high);
+    if (hit->status == CONEMAP_HIT || hit->status == CONEMAP_STEP_CAP) round_to(v, hit->t, &low, &high);
     if (!(v->rise < low)) return 0;
     *depth = -truth_clearance(&s->truth, v->o, v->d, v->begin, low < v->end ? low : v->end);
     return *depth > MISS;
@@ -579,7 +589,7 @@ static int is_miss(const struct scene *s, const struct verdict *v, const conemap
 static int is_false_hit(const struct scene *s, const struct verdict *v, const conemap_hit *hit) {
     double low, high, height;
     if (hit->status != CONEMAP_HIT) return 0;
-    round_to(hit->t, &low, &high);
+    round_to(v, hit->t, &low, &high);
     height = truth_clearance(&s->truth, v->o, v->d, low, high);
     return !(height <= MISS);
 }
