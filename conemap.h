@@ -39,7 +39,8 @@
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
        P Y R A M I D               maxima over blocks, any size
-       G E N E R A T I O N         ring search, quick, relaxed, correction
+       G E N E R A T I O N         ring search, exact, quick, relaxed, correction
+       S A F E   C O N E S         for the bilinear surface, with the proof; relaxed cones that are safe
        B U I L D   P A S S E S     validation, memory plan, jobs
        F I L E S                   texture and baked bytes
        S A M P L E R S             bilinear cells
@@ -205,6 +206,9 @@ typedef enum conemap_generator {
     CONEMAP_RELAXED_SAMPLED,         /* relaxed by marching rays from the top [PO07]; slowest, not safe */
     CONEMAP_RELAXED,                 /* relaxed, [BV24] Algorithm 2 with borders and axis cells mended; the
                                         near corner's height decides, which is not always safe */
+    CONEMAP_RELAXED_EXACT,           /* relaxed cones that are safe for the bilinear surface, by branch and bound;
+                                        where the ground is rough they are hardly wider than CONEMAP_EXACT's */
+    CONEMAP_RELAXED_EXACT_RING,      /* the same by ring search; slow, the reference */
     CONEMAP_HYBRID,                  /* between RING and RELAXED by hybrid_weight [CHRS17] */
     CONEMAP_GENERATOR_COUNT
 } conemap_generator;
@@ -216,6 +220,8 @@ typedef enum conemap_guarantee { /* what a map's cones promise, kept in its info
     CONEMAP_GUARANTEE_BILINEAR,    /* the interpolated cone over any point, its apex raised by 2^-20, holds no
                                       point of the bilinear surface: proven in the implementation */
     CONEMAP_GUARANTEE_RELAXED,     /* info: [BV24]'s rule for descending rays: bisect between the last two steps */
+    CONEMAP_GUARANTEE_RELAXED_BILINEAR, /* info: a step of a descending ray to the end of an interpolated cone passes
+                                      the bilinear surface at most once; others must not step by these cones */
     CONEMAP_GUARANTEE_COUNT
 } conemap_guarantee;
 
@@ -315,6 +321,7 @@ typedef struct conemap_map {
         conemap_allocator allocator;
         conemap_desc desc;
         conemap_pyramid texels; /* maxima over texels, while building */
+        conemap_pyramid falling[4]; /* and over the cells that fall to the right or left, and down or up */
         float *heights, *cones, *plane;
         float *folds;           /* the same with slack: plane and rims of the bounds that were folded in */
         float *rims;            /* bilinear guarantee: what each band knows of the rows above and below it */
@@ -351,6 +358,8 @@ typedef struct conemap_hit {
     float u, v, z;          /* origin + t direction; u and v are not wrapped */
     float t_before, t_after;/* the bracket: above the surface before, at or below it after (equal when exact) */
     int steps;              /* iterations: cone steps, cells or blocks visited */
+    int fallback;           /* nonzero: CONEMAP_TRACE_EXACT went without cones, because these are relaxed and the
+                               ray rises or is level */
 } conemap_hit;
 
 typedef enum conemap_tracer {
@@ -853,6 +862,14 @@ CONEMAP__INLINE float conemap__cell_max(const conemap_map *map, int x, int y) {
                                                          y - conemap__first_cell(map->info.wrap_v))));
 }
 
+/* A value of level 0: a texel's height, or with `falling` a cell's highest corner if it falls (see CONEMAP_RELAXED_EXACT). */
+static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, int y);
+
+CONEMAP__INLINE float conemap__lowest_level(const conemap_map *map, const conemap_pyramid *pyramid, int x, int y) {
+    return pyramid == &map->build.texels ? conemap__height(map, x, y)
+                                         : conemap__falling_cell(map, (int)(pyramid - map->build.falling), x, y);
+}
+
 /* Level k from level k - 1. Level 0 of the texels is a copy of the heights; that of the cells is not stored. */
 static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyramid, int k, int y0, int y1) {
     int w = pyramid->width[k], h = pyramid->height[k], x, y;
@@ -861,7 +878,7 @@ static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyram
             float *children = conemap__children(pyramid, k, x / 2, y / 2);
             float highest;
             if (k == 0) {
-                highest = conemap__height(map, x, y);
+                highest = conemap__lowest_level(map, pyramid, x, y);
             } else if (pyramid->level[k - 1]) {
                 const float *below = conemap__children(pyramid, k - 1, x, y);
                 highest = conemap__max(conemap__max(below[0], below[1]), conemap__max(below[2], below[3]));
@@ -1296,327 +1313,8 @@ static float conemap__narrowest(const conemap_map *map, const float *cones, int 
 }
 
 /* ======================================================================================================
-   B U I L D   P A S S E S
+   S A F E   C O N E S
    ====================================================================================================== */
-
-enum {
-    CONEMAP__PASS_DECODE, /* strips: heights read, checked, quantised */
-    CONEMAP__PASS_STRIPS, /* strips: maxima over texels, low levels */
-    CONEMAP__PASS_TOP,    /* one job: the levels above */
-    CONEMAP__PASS_CONES,  /* bands: the generator */
-    CONEMAP__PASS_STORE,  /* bands: correction and rounding to the format */
-    CONEMAP__PASS_CELLS,  /* strips: maxima over cells, low levels */
-    CONEMAP__PASS_CELLS_TOP,
-    CONEMAP__PASS_COUNT
-};
-
-#define CONEMAP__BAND 16 /* rows of a cone job */
-#define CONEMAP__LONGEST 8.0f /* with the bilinear guarantee, texels longer than this count as so long */
-
-static int conemap__needs_pyramid(conemap_generator generator) {
-    return generator == CONEMAP_EXACT || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
-           generator == CONEMAP_QUICK_CENTER || generator == CONEMAP_QUICK_NAIVE_CENTER;
-}
-
-/* Correction needs the cones of neighbours as they were; otherwise they are worked on in place. */
-static int conemap__needs_plane(const conemap_desc *desc) {
-    return desc->min3x3 && desc->guarantee != CONEMAP_GUARANTEE_BILINEAR;
-}
-
-/* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
-static void conemap__safe_texel(conemap_map *map) {
-    float a = map->info.width > 1 ? map->build.texel_u : 0.0f, b = map->info.height > 1 ? map->build.texel_v : 0.0f;
-    map->build.search_u = b > 0.0f ? conemap__min(a, CONEMAP__LONGEST * b) : a;
-    map->build.search_v = a > 0.0f ? conemap__min(b, CONEMAP__LONGEST * a) : b;
-}
-
-static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
-    switch (desc->generator) {
-    case CONEMAP_EXACT: return desc->guarantee;
-    case CONEMAP_QUICK_NAIVE:
-    case CONEMAP_QUICK: return CONEMAP_GUARANTEE_VERTEX;
-    case CONEMAP_RING: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_VERTEX;
-    case CONEMAP_RELAXED:
-    case CONEMAP_HYBRID: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_RELAXED;
-    default: return CONEMAP_GUARANTEE_NONE;
-    }
-}
-
-#define CONEMAP__KNOWN(value, count) ((int)(value) >= 0 && (int)(value) < (int)(count))
-
-static conemap_result conemap__check_texture(const conemap_texture *texture) {
-    return CONEMAP__KNOWN(texture->format, CONEMAP_FORMAT_COUNT) &&
-                   CONEMAP__KNOWN(texture->encoding, CONEMAP_ENCODING_COUNT) &&
-                   CONEMAP__KNOWN(texture->layout, CONEMAP_LAYOUT_COUNT)
-               ? CONEMAP_OK
-               : CONEMAP_ERROR_ENUM;
-}
-
-/* Checks a heightmap desc and writes its defaults out. */
-static conemap_result conemap__resolve_heights(conemap_heights *h) {
-    ptrdiff_t row, stride;
-    if (!h->pixels) return CONEMAP_ERROR_NULL;
-    if (h->width < 1 || h->height < 1 || h->width > CONEMAP_MAX_SIZE || h->height > CONEMAP_MAX_SIZE)
-        return CONEMAP_ERROR_SIZE;
-    if (!CONEMAP__KNOWN(h->format, CONEMAP_FORMAT_COUNT)) return CONEMAP_ERROR_ENUM;
-    if (h->pixel_stride == 0) h->pixel_stride = (ptrdiff_t)conemap__format_size(h->format);
-    if (h->pixel_stride < (ptrdiff_t)conemap__format_size(h->format)) return CONEMAP_ERROR_STRIDE;
-    if (h->pixel_stride > PTRDIFF_MAX / h->width) return CONEMAP_ERROR_OVERFLOW;
-    row = h->pixel_stride * (h->width - 1) + (ptrdiff_t)conemap__format_size(h->format);
-    if (h->row_stride == 0) h->row_stride = h->pixel_stride * h->width;
-    if (h->row_stride < -PTRDIFF_MAX) return CONEMAP_ERROR_OVERFLOW;
-    stride = h->row_stride < 0 ? -h->row_stride : h->row_stride;
-    if (h->height > 1 && stride < row) return CONEMAP_ERROR_STRIDE;
-    if (stride > (PTRDIFF_MAX - row) / h->height) return CONEMAP_ERROR_OVERFLOW;
-    return CONEMAP_OK;
-}
-
-/* Checks a desc, apart from what the heights hold, and writes its defaults out. */
-static conemap_result conemap__resolve(conemap_desc *desc) {
-    conemap_result result = conemap__resolve_heights(&desc->heights);
-    if (result != CONEMAP_OK) return result;
-    if (!CONEMAP__KNOWN(desc->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(desc->wrap_v, CONEMAP_WRAP_COUNT) ||
-        !CONEMAP__KNOWN(desc->generator, CONEMAP_GENERATOR_COUNT))
-        return CONEMAP_ERROR_ENUM;
-    result = conemap__check_texture(&desc->texture);
-    if (result != CONEMAP_OK) return result;
-    if (desc->aspect == 0.0f) desc->aspect = 1.0f;
-    if (desc->max_tan == 0.0f) desc->max_tan = 1.0f;
-    if (desc->hybrid_weight == 0.0f) desc->hybrid_weight = 0.5f;
-    if (desc->march_steps == 0) desc->march_steps = 64;
-    if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_EXACT;
-    if (!CONEMAP__KNOWN(desc->guarantee, CONEMAP_GUARANTEE_COUNT)) return CONEMAP_ERROR_ENUM;
-    if (desc->generator == CONEMAP_EXACT && desc->guarantee == CONEMAP_GUARANTEE_DEFAULT)
-        desc->guarantee = CONEMAP_GUARANTEE_BILINEAR;
-    if (desc->guarantee == CONEMAP_GUARANTEE_NONE || desc->guarantee == CONEMAP_GUARANTEE_RELAXED ||
-        (desc->guarantee != CONEMAP_GUARANTEE_DEFAULT && desc->generator != CONEMAP_EXACT &&
-         desc->guarantee != conemap__guarantee_of(desc)))
-        return CONEMAP_ERROR_UNSUPPORTED;
-    if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
-        !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
-        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) || desc->march_steps < 0 ||
-        desc->march_steps > 65536 || desc->ring_limit < 0)
-        return CONEMAP_ERROR_PARAMETER;
-    if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
-    if (desc->heights.width == 1 && desc->wrap_u == CONEMAP_NOTHING) desc->wrap_u = CONEMAP_CLAMP;
-    if (desc->heights.height == 1 && desc->wrap_v == CONEMAP_NOTHING) desc->wrap_v = CONEMAP_CLAMP;
-    return CONEMAP_OK;
-}
-
-/* Fills in the map's info, passes and pyramid sizes, and says how many bytes its planes take. */
-static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, size_t *memory_size,
-                                    size_t *scratch_size) {
-    int w = desc->heights.width, h = desc->heights.height, pass, *jobs = map->build.pass_jobs;
-    int strips, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND;
-    size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0;
-    conemap_info *info = &map->info;
-    info->width = w;
-    info->height = h;
-    info->wrap_u = desc->wrap_u;
-    info->wrap_v = desc->wrap_v;
-    info->aspect = desc->aspect;
-    info->max_tan = desc->max_tan;
-    info->texture = desc->texture;
-    info->generator = desc->generator;
-    info->guarantee = conemap__guarantee_of(desc);
-    info->min3x3 = desc->min3x3 != 0;
-    map->build.desc = *desc;
-    map->build.allocator = desc->allocator;
-    map->build.texel_u = 1.0f / (float)w;
-    map->build.texel_v = desc->aspect / (float)h;
-    map->build.search_u = map->build.texel_u;
-    map->build.search_v = map->build.texel_v;
-    map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
-    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
-        return CONEMAP_ERROR_OVERFLOW;
-    strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
-    jobs[CONEMAP__PASS_DECODE] = strips;
-    jobs[CONEMAP__PASS_CONES] = bands;
-    jobs[CONEMAP__PASS_STORE] = bands;
-    if (desc->keep_pyramid) {
-        int cells_u = conemap__cell_count(w, desc->wrap_u), cells_v = conemap__cell_count(h, desc->wrap_v);
-        if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, 1, &memory)) return CONEMAP_ERROR_OVERFLOW;
-        jobs[CONEMAP__PASS_CELLS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
-        jobs[CONEMAP__PASS_CELLS_TOP] = 1;
-    }
-    if (conemap__needs_pyramid(desc->generator)) {
-        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, &scratch)) return CONEMAP_ERROR_OVERFLOW;
-        jobs[CONEMAP__PASS_STRIPS] = strips;
-        jobs[CONEMAP__PASS_TOP] = 1;
-    }
-    if (info->guarantee == CONEMAP_GUARANTEE_BILINEAR) {
-        conemap__safe_texel(map);
-        if (!conemap__add_size(&scratch, 2 * (size_t)bands * (size_t)w, sizeof(float)) ||
-            (desc->slack > 0.0f && !conemap__add_size(&scratch, texels + 2 * (size_t)bands * (size_t)w, sizeof(float))))
-            return CONEMAP_ERROR_OVERFLOW;
-    }
-    if (conemap__needs_plane(desc) && !conemap__add_size(&scratch, texels, sizeof(float)))
-        return CONEMAP_ERROR_OVERFLOW;
-    for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
-    if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
-    *memory_size = memory;
-    *scratch_size = scratch;
-    return CONEMAP_OK;
-}
-
-static conemap_result conemap__take(const conemap_allocator *allocator, void *given, size_t given_size,
-                                    size_t size, void **memory, int *owns) {
-    *memory = given;
-    *owns = 0;
-    if (given) {
-        if ((uintptr_t)given % CONEMAP_ALIGNMENT != 0) return CONEMAP_ERROR_ALIGNMENT;
-        return given_size < size ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
-    }
-    *memory = allocator->allocate ? allocator->allocate(size, allocator->user) : CONEMAP_MALLOC(size);
-    *owns = *memory != NULL;
-    if (!*memory) return CONEMAP_ERROR_MEMORY;
-    return (uintptr_t)*memory % CONEMAP_ALIGNMENT != 0 ? CONEMAP_ERROR_ALIGNMENT : CONEMAP_OK;
-}
-
-static void conemap__release(const conemap_allocator *allocator, void *memory, int owns) {
-    if (!owns) return;
-    if (allocator->release)
-        allocator->release(memory, allocator->user);
-    else
-        CONEMAP_FREE(memory);
-}
-
-static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
-    void *piece = *cursor;
-    *cursor += (count * size + CONEMAP_ALIGNMENT - 1) / CONEMAP_ALIGNMENT * CONEMAP_ALIGNMENT;
-    return piece;
-}
-
-static void conemap__cut_pyramid(conemap_pyramid *pyramid, int first, unsigned char **cursor) {
-    int k;
-    for (k = first; k < pyramid->levels; ++k)
-        pyramid->level[k] = (float *)conemap__cut(
-            cursor, (size_t)((pyramid->width[k] + 1) / 2) * (size_t)((pyramid->height[k] + 1) / 2), 4 * sizeof(float));
-}
-
-CONEMAP__DEF void conemap_free(conemap_map *map) {
-    if (!map) return;
-    conemap__release(&map->build.allocator, map->build.memory, map->build.owns_memory);
-    conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
-    memset(map, 0, sizeof *map);
-}
-
-/* Takes memory for a planned map and cuts it up in the order in which conemap__plan counted. */
-static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, size_t scratch_size) {
-    const conemap_desc *desc = &map->build.desc;
-    size_t texels = conemap__texels(map);
-    unsigned char *cursor;
-    conemap_result result = conemap__take(&map->build.allocator, desc->memory, desc->memory_size, memory_size,
-                                          &map->build.memory, &map->build.owns_memory);
-    if (result == CONEMAP_OK && scratch_size > 0)
-        result = conemap__take(&map->build.allocator, desc->scratch, desc->scratch_size, scratch_size,
-                               &map->build.scratch, &map->build.owns_scratch);
-    if (result != CONEMAP_OK) return result;
-    map->memory_size = memory_size;
-    cursor = (unsigned char *)map->build.memory;
-    map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
-    map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
-    conemap__cut_pyramid(&map->cells, 1, &cursor);
-    if (scratch_size > 0) {
-        cursor = (unsigned char *)map->build.scratch;
-        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
-        if (map->info.guarantee == CONEMAP_GUARANTEE_BILINEAR) {
-            size_t rims = 2 * (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES] * (size_t)map->info.width;
-            map->build.rims = (float *)conemap__cut(&cursor, rims, sizeof(float));
-            if (desc->slack > 0.0f) map->build.folds = (float *)conemap__cut(&cursor, texels + rims, sizeof(float));
-        }
-        map->build.plane =
-            conemap__needs_plane(desc) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
-        map->build.job_results = cursor;
-        memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
-    }
-    return CONEMAP_OK;
-}
-
-CONEMAP__DEF conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size) {
-    conemap_map map;
-    conemap_desc resolved;
-    conemap_result result;
-    size_t memory = 0, scratch = 0;
-    if (!desc) return CONEMAP_ERROR_NULL;
-    memset(&map, 0, sizeof map);
-    resolved = *desc;
-    result = conemap__resolve(&resolved);
-    if (result == CONEMAP_OK) result = conemap__plan(&map, &resolved, &memory, &scratch);
-    if (result != CONEMAP_OK) return result;
-    if (memory_size) *memory_size = memory;
-    if (scratch_size) *scratch_size = scratch;
-    return CONEMAP_OK;
-}
-
-CONEMAP__DEF conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map) {
-    conemap_desc resolved;
-    conemap_result result;
-    size_t memory_size, scratch_size;
-    if (!map) return CONEMAP_ERROR_NULL;
-    memset(map, 0, sizeof *map);
-    if (!desc) return CONEMAP_ERROR_NULL;
-    resolved = *desc;
-    result = conemap__resolve(&resolved);
-    if (result == CONEMAP_OK) result = conemap__plan(map, &resolved, &memory_size, &scratch_size);
-    if (result == CONEMAP_OK) result = conemap__allocate(map, memory_size, scratch_size);
-    if (result != CONEMAP_OK) conemap_free(map);
-    return result;
-}
-
-CONEMAP__DEF int conemap_pass_count(const conemap_map *map) {
-    return map && map->build.job_results ? (int)CONEMAP__PASS_COUNT : 0;
-}
-
-CONEMAP__DEF int conemap_job_count(const conemap_map *map, int pass) {
-    return pass >= 0 && pass < conemap_pass_count(map) ? map->build.pass_jobs[pass] : 0;
-}
-
-/* Reads rows of the caller's heights as the texture will hold them. */
-static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
-    int x, y;
-    for (y = y0; y < y1; ++y) {
-        const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
-        float *row = map->build.heights + (size_t)y * (size_t)map->info.width;
-        for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
-            float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
-            if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
-            value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
-            if (map->info.texture.layout != CONEMAP_CONE_ONLY)
-                value = conemap__value(map->info.texture.format,
-                                       conemap__code_near(map->info.texture.format, value));
-            row[x] = value;
-        }
-    }
-    return CONEMAP_OK;
-}
-
-/* Tells the host how far the build is: almost all of the work is in the cones. */
-static conemap_result conemap__report(const conemap_map *map, int pass, double done_rows) {
-    const conemap_desc *desc = &map->build.desc;
-    double cones = done_rows / (double)map->info.height, done;
-    if (!desc->progress) return CONEMAP_OK;
-    done = pass < CONEMAP__PASS_CONES    ? 0.01 * (double)(pass + 1)
-           : pass == CONEMAP__PASS_CONES ? 0.04 + 0.92 * cones
-                                         : 0.96 + 0.01 * (double)(pass - CONEMAP__PASS_CONES);
-    return desc->progress(done, desc->progress_user) ? CONEMAP_CANCELLED : CONEMAP_OK;
-}
-
-static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
-    conemap__search search = conemap__make_search(map);
-    int x, y, w = map->info.width;
-    search.best_j = y0;
-    for (y = y0; y < y1; ++y)
-        for (x = 0; x < w; ++x) {
-            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, &search, x, y);
-            if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
-                conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
-                if (result != CONEMAP_OK) return result;
-            }
-        }
-    return CONEMAP_OK;
-}
 
 /* ---- cones that are safe for the bilinear surface ------------------------------------------------------------
 
@@ -1656,6 +1354,8 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
       D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and the
       sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off. */
 
+#define CONEMAP__BAND 16      /* rows of a cone job */
+#define CONEMAP__LONGEST 8.0f /* texels longer than this count as so long */
 #define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
 
 /* A band of rows in which slopes are collected: its own rows, and one above and one below, which other bands own too
@@ -1886,6 +1586,568 @@ static void conemap__safe_vertex(const conemap__band *band, int i, int j, conema
     if (search->folded > best) conemap__raise(band, band->folds, i - 1, i + 1, j - 1, j + 1, search->folded);
 }
 
+/* ---- relaxed cones that hold for the bilinear surface -----------------------------------------------------------
+
+   A falling ray that starts over p and is inside the solid comes out of it at a point q only if the surface falls
+   there more steeply than the ray, seen from p. So if the cone at p holds no surface point that falls seen from p
+   [BV24 eq. 4], a step to the cone's end passes the surface at most once, and the way back finds where. A bilinear
+   cell has such a point only if a flight direction from P to it and slopes of its sides give x h_x + y h_y < 0; all
+   three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm 2]'s
+   rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's near
+   corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds of conemap__safe_vertex (steps 1 and 4 hold for each pair of cells
+   as a whole). What touches P is taken whole: its longest gradient if a cell around it falls, and inside P itself the
+   bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
+   |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
+   falls: cells outside, whose corners repeat the border, see to that. */
+
+enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
+
+/* The directions in which some side of cell (i, j) falls; down is towards greater v. */
+static int conemap__falling(const conemap_map *map, int i, int j) {
+    float h00 = conemap__vertex(map, i, j), h10 = conemap__vertex(map, i + 1, j);
+    float h01 = conemap__vertex(map, i, j + 1), h11 = conemap__vertex(map, i + 1, j + 1);
+    int flags = 0;
+    if (h10 < h00 || h11 < h01) flags |= CONEMAP__FALLS_RIGHT;
+    if (h10 > h00 || h11 > h01) flags |= CONEMAP__FALLS_LEFT;
+    if (h01 < h00 || h11 < h10) flags |= CONEMAP__FALLS_DOWN;
+    if (h01 > h00 || h11 > h10) flags |= CONEMAP__FALLS_UP;
+    if (map->info.wrap_u != CONEMAP_WRAP) {
+        if (i < 0) flags |= CONEMAP__FALLS_LEFT;
+        if (i >= map->info.width - 1) flags |= CONEMAP__FALLS_RIGHT;
+    }
+    if (map->info.wrap_v != CONEMAP_WRAP) {
+        if (j < 0) flags |= CONEMAP__FALLS_UP;
+        if (j >= map->info.height - 1) flags |= CONEMAP__FALLS_DOWN;
+    }
+    return flags;
+}
+
+/* The directions in which cells low_i..high_i, low_j..high_j are flown through, seen from the cells at vertex (i, j). */
+CONEMAP__INLINE int conemap__flown(int low_i, int high_i, int low_j, int high_j, int i, int j) {
+    return (high_i >= i - 1 ? CONEMAP__FALLS_RIGHT : 0) | (low_i <= i ? CONEMAP__FALLS_LEFT : 0) |
+           (high_j >= j - 1 ? CONEMAP__FALLS_DOWN : 0) | (low_j <= j ? CONEMAP__FALLS_UP : 0);
+}
+
+/* The least product of numbers in two ranges. */
+CONEMAP__INLINE float conemap__least_product(float a0, float a1, float b0, float b1) {
+    return conemap__min(conemap__min(a0 * b0, a0 * b1), conemap__min(a1 * b0, a1 * b1));
+}
+
+/* Does cell (i, j) fall anywhere for a flight of x0..x1 texels to the right and y0..y1 down? */
+static int conemap__falls_seen(const conemap_map *map, int i, int j, int x0, int x1, int y0, int y1) {
+    conemap__corners h = conemap__gather(map->heights, conemap__cell_quad(map, i, j));
+    if (map->info.wrap_u != CONEMAP_WRAP && ((i < 0 && x0 < 0) || (i >= map->info.width - 1 && x1 > 0))) return 1;
+    if (map->info.wrap_v != CONEMAP_WRAP && ((j < 0 && y0 < 0) || (j >= map->info.height - 1 && y1 > 0))) return 1;
+    return conemap__least_product((float)x0, (float)x1, h.h10 - h.h00, h.h11 - h.h01) +
+               conemap__least_product((float)y0, (float)y1, h.h01 - h.h00, h.h11 - h.h10) < 0.0f;
+}
+
+/* The same seen from the cells at vertex (ui, uj). */
+CONEMAP__INLINE int conemap__limits(const conemap_map *map, int i, int j, int ui, int uj) {
+    return conemap__falls_seen(map, i, j, i - ui - 1, i - ui + 2, j - uj - 1, j - uj + 2);
+}
+
+/* Cells with those outside a border: numbered from `first` on along each axis. */
+CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
+CONEMAP__INLINE int conemap__outer_count(int size, conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? size : size + 1; }
+
+CONEMAP__INLINE int conemap__outer_exists(const conemap_map *map, int i, int j) {
+    return (map->info.wrap_u == CONEMAP_WRAP || (i >= -1 && i < map->info.width)) &&
+           (map->info.wrap_v == CONEMAP_WRAP || (j >= -1 && j < map->info.height));
+}
+
+/* The highest corner of a cell that falls to the right or left (quadrant bit 0), or down or up (bit 1); else -1. */
+static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, int y) {
+    int i = x + conemap__outer_first(map->info.wrap_u), j = y + conemap__outer_first(map->info.wrap_v);
+    int wanted = (quadrant & 1 ? CONEMAP__FALLS_LEFT : CONEMAP__FALLS_RIGHT) |
+                 (quadrant & 2 ? CONEMAP__FALLS_UP : CONEMAP__FALLS_DOWN);
+    return conemap__falling(map, i, j) & wanted ? conemap__highest(conemap__gather(map->heights, conemap__cell_quad(map, i, j)))
+                                                : -1.0f;
+}
+
+/* A far cell that limits: its corners, by step 4's bound. */
+static float conemap__far_cell(const conemap__band *band, int i, int j, int ui, int uj, float apex, float s) {
+    int c;
+    if (!conemap__limits(band->map, i, j, ui, uj)) return s;
+    for (c = 0; c < 4; ++c) {
+        float dh = conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex;
+        float x = (float)(i + (c & 1) - ui) * band->a, y = (float)(j + (c >> 1) - uj) * band->b;
+        if (dh > 0.0f) s = conemap__max(s, dh * dh / (x * x + y * y - band->deflate));
+    }
+    return s;
+}
+
+/* Square of the distance from vertex (i, j) to the nearest corner of cells low..high. */
+CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i, int high_i, int low_j, int high_j, int i,
+                                           int j) {
+    float x = (float)conemap__maxi(0, conemap__maxi(low_i - i, i - (high_i + 1))) * band->a;
+    float y = (float)conemap__maxi(0, conemap__maxi(low_j - j, j - (high_j + 1))) * band->b;
+    return x * x + y * y;
+}
+
+/* The cells near vertex (i, j): seen from it, and the cells at the vertex seen from theirs. */
+static float conemap__relaxed_near(const conemap__band *band, int i, int j, float near2, float best) {
+    const conemap_map *map = band->map;
+    int reach_u = band->a > 0.0f ? (int)(sqrtf(near2) / band->a) + 2 : 1;
+    int reach_v = band->b > 0.0f ? (int)(sqrtf(near2) / band->b) + 2 : 1, x, y, k, c;
+    for (y = j - 1 - reach_v; y <= j + reach_v; ++y)
+        for (x = i - 1 - reach_u; x <= i + reach_u; ++x) {
+            if (!conemap__outer_exists(map, x, y) || !(conemap__cells_near2(band, x, x, y, y, i, j) < near2)) continue;
+            if (!conemap__limits(map, x, y, i, j)) continue;
+            if (conemap__touches(x, y, i, j)) {
+                best = conemap__max(best, conemap__corner_slope2(band, i, j, x < i ? -1 : 1, y < j ? -1 : 1));
+                continue;
+            }
+            best = conemap__cell_slope2(band, x, y, i, j, 1.0f, best);
+            for (k = 0; k < 4; ++k) {
+                int p = i - (k & 1), q = j - (k >> 1);
+                if (!conemap__cell_exists(map, p, q)) continue;
+                for (c = 0; c < 4; ++c)
+                    if (!conemap__touches(p, q, x + (c & 1), y + (c >> 1)))
+                        conemap__raise_seen_cell(band, p, q, x + (c & 1), y + (c >> 1));
+            }
+        }
+    return best;
+}
+
+/* The far cells by rings of growing radius, until not even a height of 1 could limit: the reference. */
+static float conemap__relaxed_ring(const conemap__band *band, int i, int j, float near2, float s) {
+    const conemap_map *map = band->map;
+    float apex = conemap__height(map, i, j), room = 1.0f - apex;
+    int wrap_u = map->info.wrap_u == CONEMAP_WRAP, wrap_v = map->info.wrap_v == CONEMAP_WRAP;
+    int w = map->info.width, h = map->info.height, r, x, y;
+    int low_i = wrap_u ? -w : -1, high_i = wrap_u ? 2 * w - 1 : w - 1;
+    int low_j = wrap_v ? -h : -1, high_j = wrap_v ? 2 * h - 1 : h - 1;
+    for (r = 0; r <= 2 * conemap__maxi(w, h); ++r) {
+        float near_u = (float)r * band->a, near_v = (float)r * band->b;
+        float d2 = conemap__min(band->a > 0.0f ? near_u * near_u : CONEMAP__FAR,
+                                band->b > 0.0f ? near_v * near_v : CONEMAP__FAR) - band->deflate;
+        if (d2 > 0.0f && !(room * room > s * d2 * CONEMAP__MARGIN)) break;
+        for (y = j - 1 - r; y <= j + r; ++y) {
+            int whole = y == j - 1 - r || y == j + r;
+            if (y < low_j || y > high_j) continue;
+            for (x = i - 1 - r; x <= i + r; x += whole ? 1 : 2 * r + 1) {
+                if (x < low_i || x > high_i || conemap__cells_near2(band, x, x, y, y, i, j) < near2) continue;
+                s = conemap__far_cell(band, x, y, i, j, apex, s);
+            }
+        }
+    }
+    return s;
+}
+
+/* The same by branch and bound over four pyramids, one for each pair of directions, of the cells that fall in one of
+   the two. */
+static float conemap__relaxed_search(const conemap__band *band, int i, int j, float near2, float s) {
+    const conemap_map *map = band->map;
+    const conemap_pyramid *pyramids = map->build.falling;
+    int wrap_u = map->info.wrap_u == CONEMAP_WRAP, wrap_v = map->info.wrap_v == CONEMAP_WRAP, a, b;
+    float apex = conemap__height(map, i, j);
+    conemap__candidate stack[3 * 17 + 4];
+    for (b = -wrap_v; b <= wrap_v; ++b)
+        for (a = -wrap_u; a <= wrap_u; ++a) {
+            int first_i = conemap__outer_first(map->info.wrap_u) + a * map->info.width;
+            int first_j = conemap__outer_first(map->info.wrap_v) + b * map->info.height, count = 1;
+            stack[0].x = stack[0].y = 0;
+            stack[0].k = pyramids[0].levels;
+            stack[0].dh2 = 1.0f;
+            stack[0].d2 = 0.0f;
+            while (count > 0) {
+                conemap__candidate node = stack[--count];
+                int c, k = node.k - 1;
+                if (!(node.dh2 > s * node.d2 * CONEMAP__MARGIN)) continue;
+                for (c = 3; c >= 0; --c) {
+                    int x = 2 * node.x + (c & 1), y = 2 * node.y + (c >> 1), q, flown;
+                    int low_i, high_i, low_j, high_j;
+                    float highest = -1.0f, dh, d2;
+                    if (x >= pyramids[0].width[k] || y >= pyramids[0].height[k]) continue;
+                    low_i = first_i + x * (1 << k);
+                    high_i = first_i + conemap__mini((x + 1) * (1 << k), pyramids[0].width[0]) - 1;
+                    low_j = first_j + y * (1 << k);
+                    high_j = first_j + conemap__mini((y + 1) * (1 << k), pyramids[0].height[0]) - 1;
+                    flown = conemap__flown(low_i, high_i, low_j, high_j, i, j);
+                    for (q = 0; q < 4; ++q)
+                        if ((flown & (q & 1 ? CONEMAP__FALLS_LEFT : CONEMAP__FALLS_RIGHT)) &&
+                            (flown & (q & 2 ? CONEMAP__FALLS_UP : CONEMAP__FALLS_DOWN)))
+                            highest = conemap__max(highest, conemap__children(&pyramids[q], k, node.x, node.y)[c]);
+                    dh = highest - apex;
+                    d2 = conemap__cells_near2(band, low_i, high_i, low_j, high_j, i, j) - band->deflate;
+                    if (!(dh > 0.0f) || !(dh * dh > s * d2 * CONEMAP__MARGIN)) continue;
+                    if (k > 0) {
+                        stack[count].x = x;
+                        stack[count].y = y;
+                        stack[count].k = k;
+                        stack[count].dh2 = dh * dh;
+                        stack[count].d2 = d2;
+                        ++count;
+                    } else if (d2 + band->deflate >= near2) {
+                        s = conemap__far_cell(band, low_i, low_j, i, j, apex, s);
+                    }
+                }
+            }
+        }
+    return s;
+}
+
+/* Inside and around cell (i, j): see the section's comment. */
+static float conemap__relaxed_own(const conemap__band *band, int i, int j) {
+    const conemap_map *map = band->map;
+    float bend = conemap__vertex(map, i + 1, j + 1) - conemap__vertex(map, i, j + 1) -
+                 (conemap__vertex(map, i + 1, j) - conemap__vertex(map, i, j));
+    float own = band->a > 0.0f && band->b > 0.0f ? bend * bend / (band->a * band->a + band->b * band->b) : 0.0f;
+    int x, y;
+    for (y = -1; y <= 1; ++y)
+        for (x = -1; x <= 1; ++x)
+            if ((x || y) && conemap__falls_seen(map, i + x, j + y, x - 1, x + 1, y - 1, y + 1))
+                return conemap__max(own, conemap__own_slope2(band, i, j));
+    return own;
+}
+
+static void conemap__relaxed_vertex(const conemap__band *band, int i, int j, float near2) {
+    float least = conemap__least(band, i - 1, i + 1, j - 1, j + 1);
+    float best = conemap__relaxed_near(band, i, j, near2, least);
+    best = band->map->info.generator == CONEMAP_RELAXED_EXACT ? conemap__relaxed_search(band, i, j, near2, best)
+                                                              : conemap__relaxed_ring(band, i, j, near2, best);
+    if (best > least) conemap__raise(band, band->rows, i - 1, i + 1, j - 1, j + 1, best);
+}
+
+/* ======================================================================================================
+   B U I L D   P A S S E S
+   ====================================================================================================== */
+
+enum {
+    CONEMAP__PASS_DECODE, /* strips: heights read, checked, quantised */
+    CONEMAP__PASS_STRIPS, /* strips: maxima over texels, low levels */
+    CONEMAP__PASS_TOP,    /* one job: the levels above */
+    CONEMAP__PASS_CONES,  /* bands: the generator */
+    CONEMAP__PASS_STORE,  /* bands: correction and rounding to the format */
+    CONEMAP__PASS_CELLS,  /* strips: maxima over cells, low levels */
+    CONEMAP__PASS_CELLS_TOP,
+    CONEMAP__PASS_COUNT
+};
+
+
+static int conemap__needs_pyramid(conemap_generator generator) {
+    return generator == CONEMAP_EXACT || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
+           generator == CONEMAP_QUICK_CENTER || generator == CONEMAP_QUICK_NAIVE_CENTER;
+}
+
+/* Are the cones made for interpolation? Then bands collect slopes, and correction would be in vain. */
+static int conemap__is_bilinear(const conemap_info *info) {
+    return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+}
+
+/* Correction needs the cones of neighbours as they were; otherwise they are worked on in place. */
+static int conemap__needs_plane(const conemap_desc *desc, const conemap_info *info) {
+    return desc->min3x3 && !conemap__is_bilinear(info);
+}
+
+/* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
+static void conemap__safe_texel(conemap_map *map) {
+    float a = map->info.width > 1 ? map->build.texel_u : 0.0f, b = map->info.height > 1 ? map->build.texel_v : 0.0f;
+    map->build.search_u = b > 0.0f ? conemap__min(a, CONEMAP__LONGEST * b) : a;
+    map->build.search_v = a > 0.0f ? conemap__min(b, CONEMAP__LONGEST * a) : b;
+}
+
+static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
+    switch (desc->generator) {
+    case CONEMAP_EXACT: return desc->guarantee;
+    case CONEMAP_RELAXED_EXACT:
+    case CONEMAP_RELAXED_EXACT_RING: return CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+    case CONEMAP_QUICK_NAIVE:
+    case CONEMAP_QUICK: return CONEMAP_GUARANTEE_VERTEX;
+    case CONEMAP_RING: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_VERTEX;
+    case CONEMAP_RELAXED:
+    case CONEMAP_HYBRID: return desc->ring_limit ? CONEMAP_GUARANTEE_NONE : CONEMAP_GUARANTEE_RELAXED;
+    default: return CONEMAP_GUARANTEE_NONE;
+    }
+}
+
+#define CONEMAP__KNOWN(value, count) ((int)(value) >= 0 && (int)(value) < (int)(count))
+
+static conemap_result conemap__check_texture(const conemap_texture *texture) {
+    return CONEMAP__KNOWN(texture->format, CONEMAP_FORMAT_COUNT) &&
+                   CONEMAP__KNOWN(texture->encoding, CONEMAP_ENCODING_COUNT) &&
+                   CONEMAP__KNOWN(texture->layout, CONEMAP_LAYOUT_COUNT)
+               ? CONEMAP_OK
+               : CONEMAP_ERROR_ENUM;
+}
+
+/* Checks a heightmap desc and writes its defaults out. */
+static conemap_result conemap__resolve_heights(conemap_heights *h) {
+    ptrdiff_t row, stride;
+    if (!h->pixels) return CONEMAP_ERROR_NULL;
+    if (h->width < 1 || h->height < 1 || h->width > CONEMAP_MAX_SIZE || h->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
+    if (!CONEMAP__KNOWN(h->format, CONEMAP_FORMAT_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (h->pixel_stride == 0) h->pixel_stride = (ptrdiff_t)conemap__format_size(h->format);
+    if (h->pixel_stride < (ptrdiff_t)conemap__format_size(h->format)) return CONEMAP_ERROR_STRIDE;
+    if (h->pixel_stride > PTRDIFF_MAX / h->width) return CONEMAP_ERROR_OVERFLOW;
+    row = h->pixel_stride * (h->width - 1) + (ptrdiff_t)conemap__format_size(h->format);
+    if (h->row_stride == 0) h->row_stride = h->pixel_stride * h->width;
+    if (h->row_stride < -PTRDIFF_MAX) return CONEMAP_ERROR_OVERFLOW;
+    stride = h->row_stride < 0 ? -h->row_stride : h->row_stride;
+    if (h->height > 1 && stride < row) return CONEMAP_ERROR_STRIDE;
+    if (stride > (PTRDIFF_MAX - row) / h->height) return CONEMAP_ERROR_OVERFLOW;
+    return CONEMAP_OK;
+}
+
+/* Checks a desc, apart from what the heights hold, and writes its defaults out. */
+static conemap_result conemap__resolve(conemap_desc *desc) {
+    conemap_result result = conemap__resolve_heights(&desc->heights);
+    if (result != CONEMAP_OK) return result;
+    if (!CONEMAP__KNOWN(desc->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(desc->wrap_v, CONEMAP_WRAP_COUNT) ||
+        !CONEMAP__KNOWN(desc->generator, CONEMAP_GENERATOR_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    result = conemap__check_texture(&desc->texture);
+    if (result != CONEMAP_OK) return result;
+    if (desc->aspect == 0.0f) desc->aspect = 1.0f;
+    if (desc->max_tan == 0.0f) desc->max_tan = 1.0f;
+    if (desc->hybrid_weight == 0.0f) desc->hybrid_weight = 0.5f;
+    if (desc->march_steps == 0) desc->march_steps = 64;
+    if (desc->generator == CONEMAP_GENERATE_DEFAULT) desc->generator = CONEMAP_EXACT;
+    if (!CONEMAP__KNOWN(desc->guarantee, CONEMAP_GUARANTEE_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (desc->generator == CONEMAP_EXACT && desc->guarantee == CONEMAP_GUARANTEE_DEFAULT)
+        desc->guarantee = CONEMAP_GUARANTEE_BILINEAR;
+    if (desc->guarantee == CONEMAP_GUARANTEE_NONE || desc->guarantee >= CONEMAP_GUARANTEE_RELAXED ||
+        (desc->guarantee != CONEMAP_GUARANTEE_DEFAULT && desc->generator != CONEMAP_EXACT &&
+         desc->guarantee != conemap__guarantee_of(desc)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
+        !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
+        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) || desc->march_steps < 0 ||
+        desc->march_steps > 65536 || desc->ring_limit < 0)
+        return CONEMAP_ERROR_PARAMETER;
+    if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (desc->heights.width == 1 && desc->wrap_u == CONEMAP_NOTHING) desc->wrap_u = CONEMAP_CLAMP;
+    if (desc->heights.height == 1 && desc->wrap_v == CONEMAP_NOTHING) desc->wrap_v = CONEMAP_CLAMP;
+    return CONEMAP_OK;
+}
+
+/* Fills in the map's info, passes and pyramid sizes, and says how many bytes its planes take. */
+static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, size_t *memory_size,
+                                    size_t *scratch_size) {
+    int w = desc->heights.width, h = desc->heights.height, pass, *jobs = map->build.pass_jobs;
+    int strips, q, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND;
+    size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0;
+    conemap_info *info = &map->info;
+    info->width = w;
+    info->height = h;
+    info->wrap_u = desc->wrap_u;
+    info->wrap_v = desc->wrap_v;
+    info->aspect = desc->aspect;
+    info->max_tan = desc->max_tan;
+    info->texture = desc->texture;
+    info->generator = desc->generator;
+    info->guarantee = conemap__guarantee_of(desc);
+    info->min3x3 = desc->min3x3 != 0;
+    map->build.desc = *desc;
+    map->build.allocator = desc->allocator;
+    map->build.texel_u = 1.0f / (float)w;
+    map->build.texel_v = desc->aspect / (float)h;
+    map->build.search_u = map->build.texel_u;
+    map->build.search_v = map->build.texel_v;
+    map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
+    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
+    strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
+    jobs[CONEMAP__PASS_DECODE] = strips;
+    jobs[CONEMAP__PASS_CONES] = bands;
+    jobs[CONEMAP__PASS_STORE] = bands;
+    if (desc->keep_pyramid) {
+        int cells_u = conemap__cell_count(w, desc->wrap_u), cells_v = conemap__cell_count(h, desc->wrap_v);
+        if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, 1, &memory)) return CONEMAP_ERROR_OVERFLOW;
+        jobs[CONEMAP__PASS_CELLS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
+        jobs[CONEMAP__PASS_CELLS_TOP] = 1;
+    }
+    if (conemap__needs_pyramid(desc->generator)) {
+        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, &scratch)) return CONEMAP_ERROR_OVERFLOW;
+        jobs[CONEMAP__PASS_STRIPS] = strips;
+        jobs[CONEMAP__PASS_TOP] = 1;
+    }
+    if (desc->generator == CONEMAP_RELAXED_EXACT) {
+        int cells_u = conemap__outer_count(w, desc->wrap_u), cells_v = conemap__outer_count(h, desc->wrap_v);
+        for (q = 0; q < 4; ++q)
+            if (!conemap__pyramid_plan(&map->build.falling[q], cells_u, cells_v, 0, &scratch))
+                return CONEMAP_ERROR_OVERFLOW;
+        jobs[CONEMAP__PASS_STRIPS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
+        jobs[CONEMAP__PASS_TOP] = 1;
+    }
+    if (conemap__is_bilinear(info)) {
+        conemap__safe_texel(map);
+        if (!conemap__add_size(&scratch, 2 * (size_t)bands * (size_t)w, sizeof(float)) ||
+            (desc->slack > 0.0f && !conemap__add_size(&scratch, texels + 2 * (size_t)bands * (size_t)w, sizeof(float))))
+            return CONEMAP_ERROR_OVERFLOW;
+    }
+    if (conemap__needs_plane(desc, &map->info) && !conemap__add_size(&scratch, texels, sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
+    for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
+    if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
+    *memory_size = memory;
+    *scratch_size = scratch;
+    return CONEMAP_OK;
+}
+
+static conemap_result conemap__take(const conemap_allocator *allocator, void *given, size_t given_size,
+                                    size_t size, void **memory, int *owns) {
+    *memory = given;
+    *owns = 0;
+    if (given) {
+        if ((uintptr_t)given % CONEMAP_ALIGNMENT != 0) return CONEMAP_ERROR_ALIGNMENT;
+        return given_size < size ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
+    }
+    *memory = allocator->allocate ? allocator->allocate(size, allocator->user) : CONEMAP_MALLOC(size);
+    *owns = *memory != NULL;
+    if (!*memory) return CONEMAP_ERROR_MEMORY;
+    return (uintptr_t)*memory % CONEMAP_ALIGNMENT != 0 ? CONEMAP_ERROR_ALIGNMENT : CONEMAP_OK;
+}
+
+static void conemap__release(const conemap_allocator *allocator, void *memory, int owns) {
+    if (!owns) return;
+    if (allocator->release)
+        allocator->release(memory, allocator->user);
+    else
+        CONEMAP_FREE(memory);
+}
+
+static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
+    void *piece = *cursor;
+    *cursor += (count * size + CONEMAP_ALIGNMENT - 1) / CONEMAP_ALIGNMENT * CONEMAP_ALIGNMENT;
+    return piece;
+}
+
+static void conemap__cut_pyramid(conemap_pyramid *pyramid, int first, unsigned char **cursor) {
+    int k;
+    for (k = first; k < pyramid->levels; ++k)
+        pyramid->level[k] = (float *)conemap__cut(
+            cursor, (size_t)((pyramid->width[k] + 1) / 2) * (size_t)((pyramid->height[k] + 1) / 2), 4 * sizeof(float));
+}
+
+CONEMAP__DEF void conemap_free(conemap_map *map) {
+    if (!map) return;
+    conemap__release(&map->build.allocator, map->build.memory, map->build.owns_memory);
+    conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
+    memset(map, 0, sizeof *map);
+}
+
+/* Takes memory for a planned map and cuts it up in the order in which conemap__plan counted. */
+static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, size_t scratch_size) {
+    const conemap_desc *desc = &map->build.desc;
+    size_t texels = conemap__texels(map);
+    unsigned char *cursor;
+    int q;
+    conemap_result result = conemap__take(&map->build.allocator, desc->memory, desc->memory_size, memory_size,
+                                          &map->build.memory, &map->build.owns_memory);
+    if (result == CONEMAP_OK && scratch_size > 0)
+        result = conemap__take(&map->build.allocator, desc->scratch, desc->scratch_size, scratch_size,
+                               &map->build.scratch, &map->build.owns_scratch);
+    if (result != CONEMAP_OK) return result;
+    map->memory_size = memory_size;
+    cursor = (unsigned char *)map->build.memory;
+    map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    conemap__cut_pyramid(&map->cells, 1, &cursor);
+    if (scratch_size > 0) {
+        cursor = (unsigned char *)map->build.scratch;
+        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
+        for (q = 0; q < 4; ++q) conemap__cut_pyramid(&map->build.falling[q], 0, &cursor);
+        if (conemap__is_bilinear(&map->info)) {
+            size_t rims = 2 * (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES] * (size_t)map->info.width;
+            map->build.rims = (float *)conemap__cut(&cursor, rims, sizeof(float));
+            if (desc->slack > 0.0f) map->build.folds = (float *)conemap__cut(&cursor, texels + rims, sizeof(float));
+        }
+        map->build.plane =
+            conemap__needs_plane(desc, &map->info) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
+        map->build.job_results = cursor;
+        memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
+    }
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size) {
+    conemap_map map;
+    conemap_desc resolved;
+    conemap_result result;
+    size_t memory = 0, scratch = 0;
+    if (!desc) return CONEMAP_ERROR_NULL;
+    memset(&map, 0, sizeof map);
+    resolved = *desc;
+    result = conemap__resolve(&resolved);
+    if (result == CONEMAP_OK) result = conemap__plan(&map, &resolved, &memory, &scratch);
+    if (result != CONEMAP_OK) return result;
+    if (memory_size) *memory_size = memory;
+    if (scratch_size) *scratch_size = scratch;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map) {
+    conemap_desc resolved;
+    conemap_result result;
+    size_t memory_size, scratch_size;
+    if (!map) return CONEMAP_ERROR_NULL;
+    memset(map, 0, sizeof *map);
+    if (!desc) return CONEMAP_ERROR_NULL;
+    resolved = *desc;
+    result = conemap__resolve(&resolved);
+    if (result == CONEMAP_OK) result = conemap__plan(map, &resolved, &memory_size, &scratch_size);
+    if (result == CONEMAP_OK) result = conemap__allocate(map, memory_size, scratch_size);
+    if (result != CONEMAP_OK) conemap_free(map);
+    return result;
+}
+
+CONEMAP__DEF int conemap_pass_count(const conemap_map *map) {
+    return map && map->build.job_results ? (int)CONEMAP__PASS_COUNT : 0;
+}
+
+CONEMAP__DEF int conemap_job_count(const conemap_map *map, int pass) {
+    return pass >= 0 && pass < conemap_pass_count(map) ? map->build.pass_jobs[pass] : 0;
+}
+
+/* Reads rows of the caller's heights as the texture will hold them. */
+static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
+    int x, y;
+    for (y = y0; y < y1; ++y) {
+        const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
+        float *row = map->build.heights + (size_t)y * (size_t)map->info.width;
+        for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
+            float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
+            if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
+            value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
+            if (map->info.texture.layout != CONEMAP_CONE_ONLY)
+                value = conemap__value(map->info.texture.format,
+                                       conemap__code_near(map->info.texture.format, value));
+            row[x] = value;
+        }
+    }
+    return CONEMAP_OK;
+}
+
+/* Tells the host how far the build is: almost all of the work is in the cones. */
+static conemap_result conemap__report(const conemap_map *map, int pass, double done_rows) {
+    const conemap_desc *desc = &map->build.desc;
+    double cones = done_rows / (double)map->info.height, done;
+    if (!desc->progress) return CONEMAP_OK;
+    done = pass < CONEMAP__PASS_CONES    ? 0.01 * (double)(pass + 1)
+           : pass == CONEMAP__PASS_CONES ? 0.04 + 0.92 * cones
+                                         : 0.96 + 0.01 * (double)(pass - CONEMAP__PASS_CONES);
+    return desc->progress(done, desc->progress_user) ? CONEMAP_CANCELLED : CONEMAP_OK;
+}
+
+static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
+    conemap__search search = conemap__make_search(map);
+    int x, y, w = map->info.width;
+    search.best_j = y0;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < w; ++x) {
+            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, &search, x, y);
+            if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
+                conemap_result result =
+                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
 /* The band of a job, its rows in the plane and in the rims. */
 static conemap__band conemap__make_band(const conemap_map *map, int job) {
     conemap__band band;
@@ -1917,7 +2179,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
     conemap__search search = conemap__make_search(map);
     float least = map->build.least_slope2 * (1.0f - 1.0f / 16384.0f); /* so that step 8's margin leaves max_tan whole */
-    int x, y, w = map->info.width;
+    int x, y, w = map->info.width, relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
     search.band = &band;
     search.deflate = band.deflate;
     search.near2 = band.deflate / CONEMAP__TOLERANCE;
@@ -1929,10 +2191,14 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     for (y = band.y0 - 1; y < band.y1; ++y) /* cells that touch the band */
         for (x = map->info.wrap_u == CONEMAP_WRAP ? -1 : 0; x < w; ++x)
             if (conemap__cell_exists(map, x, y))
-                conemap__raise(&band, band.rows, x, x + 1, y, y + 1, conemap__own_slope2(&band, x, y));
+                conemap__raise(&band, band.rows, x, x + 1, y, y + 1,
+                               relaxed ? conemap__relaxed_own(&band, x, y) : conemap__own_slope2(&band, x, y));
     for (y = band.y0; y < band.y1; ++y)
         for (x = 0; x < w; ++x) {
-            conemap__safe_vertex(&band, x, y, &search);
+            if (relaxed)
+                conemap__relaxed_vertex(&band, x, y, search.near2);
+            else
+                conemap__safe_vertex(&band, x, y, &search);
             if (x % 256 == 255 || x == w - 1) {
                 conemap_result result =
                     conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
@@ -1990,7 +2256,7 @@ static unsigned char *conemap__job_slots(const conemap_map *map, int pass) {
 
 CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job) {
     conemap_result result = CONEMAP_OK;
-    int h;
+    int h, q;
     if (!map) return CONEMAP_ERROR_NULL;
     if (job < 0 || job >= conemap_job_count(map, pass)) return CONEMAP_ERROR_ORDER;
     h = map->info.height;
@@ -1999,8 +2265,14 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
         result = conemap__decode_rows(map, &map->build.desc.heights, job * CONEMAP__STRIP,
                                       conemap__mini((job + 1) * CONEMAP__STRIP, h));
         break;
-    case CONEMAP__PASS_STRIPS: conemap__pyramid_strip(map, &map->build.texels, job); break;
-    case CONEMAP__PASS_TOP: conemap__pyramid_top(map, &map->build.texels); break;
+    case CONEMAP__PASS_STRIPS:
+        conemap__pyramid_strip(map, &map->build.texels, job);
+        for (q = 0; q < 4; ++q) conemap__pyramid_strip(map, &map->build.falling[q], job);
+        break;
+    case CONEMAP__PASS_TOP:
+        conemap__pyramid_top(map, &map->build.texels);
+        for (q = 0; q < 4; ++q) conemap__pyramid_top(map, &map->build.falling[q]);
+        break;
     case CONEMAP__PASS_CONES:
         result = map->build.rims ? conemap__safe_band(map, job)
                                  : conemap__cone_rows(map, job * CONEMAP__BAND,
@@ -2053,6 +2325,7 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
     map->build.job_results = NULL;
     map->build.plane = map->build.rims = map->build.folds = NULL;
     memset(&map->build.texels, 0, sizeof map->build.texels);
+    memset(map->build.falling, 0, sizeof map->build.falling);
     memset(&map->build.desc, 0, sizeof map->build.desc);
     return CONEMAP_OK;
 }
@@ -2370,6 +2643,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
         conemap__pyramid_strip(map, &map->cells, job);
     if (map->cells.levels > 0) conemap__pyramid_top(map, &map->cells);
     memset(&map->build.texels, 0, sizeof map->build.texels);
+    memset(map->build.falling, 0, sizeof map->build.falling);
     memset(&map->build.desc, 0, sizeof map->build.desc);
     return CONEMAP_OK;
 }
@@ -2892,6 +3166,12 @@ CONEMAP__INLINE double conemap__linear_hit(const conemap__walk *walk, conemap__c
     return below <= 0.0 ? (end - walk->t) * (above / (above - below)) : -1.0;
 }
 
+/* Relaxed cones are for falling rays; others walk from cell to cell instead. */
+static int conemap__falls_back(const conemap_map *map, const conemap__walk *walk) {
+    return walk->vz >= 0.0 && (map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
+                               map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR);
+}
+
 /* Cone stepping that misses nothing: in every cell that the ray enters it is met with the bilinear patch itself,
    and only then goes on to the end of the cone or of the cell. No step is shorter than to a border, so W + H + 2 cells
    at most lie between two cones, and neither an epsilon nor a cap is needed. A hit is the first one if the
@@ -2900,7 +3180,7 @@ CONEMAP__INLINE double conemap__linear_hit(const conemap__walk *walk, conemap__c
 static void conemap__trace_exact(const conemap_map *map, const conemap_trace_desc *desc, conemap__walk *walk,
                                  conemap_hit *hit) {
     double cone_t = 0.0, walk_until = -1.0; /* where the last cone began; no cones before this time */
-    int cone_i = walk->i, cone_j = walk->j, steps = 0;
+    int cone_i = walk->i, cone_j = walk->j, steps = 0, cones = !conemap__falls_back(map, walk);
     for (;;) {
         conemap__quad quad = conemap__walk_quad(map, walk);
         conemap__corners h = conemap__gather(map->heights, quad);
@@ -2931,7 +3211,7 @@ static void conemap__trace_exact(const conemap_map *map, const conemap_trace_des
             conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
             return;
         }
-        if (walk->t >= walk_until) {
+        if (cones && walk->t >= walk_until) {
             conemap__mix mix = conemap__under(map, walk);
             gap = z - (double)mix.height - (double)CONEMAP__APEX_SLACK;
             if (gap > 0.0) cone += (double)desc->step_scale * conemap__cone_step(walk, mix.tangent, gap);
@@ -3060,6 +3340,7 @@ static conemap_result conemap__resolve_trace(conemap_trace_desc *desc) {
 static void conemap__trace_ray(const conemap_map *map, const conemap_trace_desc *desc, const conemap_ray *ray,
                                conemap_hit *hit) {
     conemap__walk walk;
+    hit->fallback = 0;
     if (!conemap__enter(map, ray, &walk)) {
         conemap__miss(&walk, 0, hit);
         return;
@@ -3072,7 +3353,10 @@ static void conemap__trace_ray(const conemap_map *map, const conemap_trace_desc 
     case CONEMAP_TRACE_MAXMIP:
     case CONEMAP_TRACE_QDM: conemap__trace_blocks(map, desc, &walk, hit); break;
     case CONEMAP_TRACE_CELL_MAX: conemap__trace_cell_max(map, desc, &walk, hit); break;
-    default: conemap__trace_exact(map, desc, &walk, hit); break;
+    default:
+        conemap__trace_exact(map, desc, &walk, hit);
+        hit->fallback = conemap__falls_back(map, &walk);
+        break;
     }
 }
 

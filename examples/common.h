@@ -76,6 +76,8 @@ static const struct name generator_names[] = {{"exact", CONEMAP_EXACT},
                                               {"quick-center", CONEMAP_QUICK_CENTER},
                                               {"relaxed-sampled", CONEMAP_RELAXED_SAMPLED},
                                               {"relaxed", CONEMAP_RELAXED},
+                                              {"relaxed-exact", CONEMAP_RELAXED_EXACT},
+                                              {"relaxed-exact-ring", CONEMAP_RELAXED_EXACT_RING},
                                               {"hybrid", CONEMAP_HYBRID},
                                               {NULL, 0}};
 static const struct name tracer_names[] = {
@@ -103,6 +105,7 @@ static const struct name guarantee_names[] = {{"none", CONEMAP_GUARANTEE_NONE},
                                               {"vertex", CONEMAP_GUARANTEE_VERTEX},
                                               {"bilinear", CONEMAP_GUARANTEE_BILINEAR},
                                               {"relaxed", CONEMAP_GUARANTEE_RELAXED},
+                                              {"relaxed-bilinear", CONEMAP_GUARANTEE_RELAXED_BILINEAR},
                                               {NULL, 0}};
 
 static EXAMPLE_UNUSED const char *name_of(const struct name *names, int value) {
@@ -855,7 +858,7 @@ static EXAMPLE_UNUSED void print_build_help(void) {
          "  --generator NAME        exact (default): the widest; quick, quick-naive: narrower, no vertex in a\n"
          "                          cone; ring: exact vertex cones, slowly\n"
          "                          quick-center, quick-naive-center: wider heuristics, not safe\n"
-         "                          relaxed, relaxed-sampled, hybrid: for descending rays with bisection\n"
+         "                          relaxed-exact: safe for descending rays; relaxed, relaxed-sampled, hybrid: not\n"
          "  --guarantee NAME        exact: bilinear (default), no interpolated cone cuts the surface; vertex\n"
          "  --slack E               exact: cones narrower by up to 1 / (1 + E), for time (0)\n"
          "  --min3x3                each cone the narrowest of its 3x3 block\n"
