@@ -1,5 +1,5 @@
-/* accuracy [MAPFILE]: what accuracy costs in time. For each tracer, on cones that are plain and on cones that are
-   corrected to the 3x3 minimum: the share of rays whose first hit was missed (judged by a walk in double precision), the
+/* accuracy [MAPFILE]: what accuracy costs in time. For each tracer, on plain vertex cones, on cones corrected to the 3x3
+   minimum, and on cones that are safe for the bilinear surface: the share of rays whose first hit was missed (judged by a walk in double precision), the
    share unconverged, mean steps, and time against the fastest. Also written to out/accuracy.csv. */
 #define CONEMAP_IMPLEMENTATION
 #include "common.h"
@@ -12,7 +12,7 @@ struct method {
     const char *name;
     conemap_tracer tracer;
     conemap_refinement refinement;
-    int max_steps, min3x3;
+    int max_steps, cones; /* cones: 0 vertex, 1 corrected, 2 safe */
     double seconds[ROUNDS], missed, unconverged, steps;
 };
 
@@ -27,6 +27,7 @@ static struct method methods[] = {
     {"cell-max, 3x3", CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1, {0}, 0, 0, 0},
     {"exact", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
     {"exact, 3x3", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1, {0}, 0, 0, 0},
+    {"exact, safe", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2, {0}, 0, 0, 0},
     {"qdm", CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
     {"maxmip", CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
 };
@@ -76,19 +77,19 @@ static int is_miss(const struct truth_map *map, const conemap_ray *ray, const co
 }
 
 static int measure(const char *name, const struct image *image, FILE *csv, struct progress *progress, double part) {
-    conemap_map maps[2];
+    conemap_map maps[3];
     struct truth_map truth = {image->width, image->height, 0, 0, NULL};
     double fastest = 1e30;
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
         conemap_desc desc;
         memset(&desc, 0, sizeof desc);
         desc.heights.pixels = image->pixels;
         desc.heights.format = image->format;
         desc.heights.width = image->width;
         desc.heights.height = image->height;
-        desc.generator = CONEMAP_RING;
+        desc.guarantee = k == 2 ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
         desc.keep_pyramid = 1;
-        desc.min3x3 = k;
+        desc.min3x3 = k == 1;
         conemap_result result = conemap_build(&desc, &maps[k]);
         if (result != CONEMAP_OK) return fail_result(name, result);
     }
@@ -97,7 +98,7 @@ static int measure(const char *name, const struct image *image, FILE *csv, struc
     for (int r = 0; r < ROUNDS; ++r)
         for (int m = 0; m < METHODS; ++m) {
             struct method *method = &methods[m];
-            const conemap_map *map = &maps[method->min3x3];
+            const conemap_map *map = &maps[method->cones];
             conemap_trace_desc desc;
             memset(&desc, 0, sizeof desc);
             desc.tracer = method->tracer;
@@ -133,6 +134,7 @@ static int measure(const char *name, const struct image *image, FILE *csv, struc
     }
     conemap_free(&maps[0]);
     conemap_free(&maps[1]);
+    conemap_free(&maps[2]);
     return 1;
 }
 

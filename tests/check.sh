@@ -9,30 +9,35 @@ mkdir -p "$work" out
 warn="-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Werror"
 suite="tests/*.c"
 strict="-ffp-contract=off"
-ok=0 failed=0 skipped=0
+rm -f "$work/ok" "$work/failed" "$work/skipped"
 
 have() { command -v "$1" >/dev/null 2>&1; }
 
-# part NAME COMMAND...: runs it, keeps its output, shows the end of it when it fails.
+# part NAME COMMAND...: runs it in the background, as many at a time as there are processors, in a folder of its own ($dir);
+# says how it went, with the end of its output when it failed.
+jobs_at_once=$(nproc 2>/dev/null || echo 2)
 part() {
-    local name=$1 log start
+    local name=$1
     shift
     case "$name" in *"$only"*) ;; *) return 0 ;; esac
-    start=$SECONDS
-    log=$work/$(printf %s "$name" | tr -c 'A-Za-z0-9.+-' _).log
-    if "$@" >"$log" 2>&1; then
-        ok=$((ok + 1))
-        printf 'ok       %s (%d s)\n' "$name" $((SECONDS - start))
-    else
-        failed=$((failed + 1))
-        printf 'FAILED   %s\n' "$name"
-        tail -n 25 "$log" | sed 's/^/         | /'
-    fi
+    while [ "$(jobs -rp | wc -l)" -ge "$jobs_at_once" ]; do wait -n; done
+    (
+        start=$SECONDS
+        dir=$work/$(printf %s "$name" | tr -c 'A-Za-z0-9.+-' _)
+        mkdir -p "$dir"
+        if "$@" >"$dir/log" 2>&1; then
+            printf 'ok       %s (%d s)\n' "$name" $((SECONDS - start))
+            echo >>"$work/ok"
+        else
+            printf 'FAILED   %s\n%s\n' "$name" "$(tail -n 25 "$dir/log" | sed 's/^/         | /')"
+            echo >>"$work/failed"
+        fi
+    ) &
 }
 
 skip() {
     case "$1" in *"$only"*) ;; *) return 0 ;; esac
-    skipped=$((skipped + 1))
+    echo >>"$work/skipped"
     printf 'skipped  %s: no %s\n' "$1" "$2"
 }
 
@@ -63,7 +68,7 @@ warnings() { # COMPILER STANDARD SUFFIX
     for f in use impl static; do
         for o in -O0 -O2 -O3; do
             # shellcheck disable=SC2086
-            "$1" -std="$2" $warn $o -I. -c "$work/$f.$3" -o "$work/w.o" || return 1
+            "$1" -std="$2" $warn $o -I. -c "$work/$f.$3" -o "$dir/w.o" || return 1
         done
     done
 }
@@ -83,7 +88,7 @@ tests_and_examples() { # COMPILER
     for f in tests/*.c examples/*.c; do
         case "$f" in *stb_image_impl.c) continue ;; esac
         # shellcheck disable=SC2086
-        "$1" -std=c99 $warn $strict -O2 -I. -c "$f" -o "$work/w.o" || return 1
+        "$1" -std=c99 $warn $strict -O2 -I. -c "$f" -o "$dir/w.o" || return 1
     done
 }
 for compiler in gcc clang; do
@@ -93,17 +98,17 @@ done
 
 # ---- the header leaks nothing but conemap_ and CONEMAP_ ---------------------------------------------------
 leaks() {
-    printf '#include <stddef.h>\n#include <stdint.h>\n#include <math.h>\n#include <string.h>\n#include <stdlib.h>\n' >"$work/base.c"
-    cat "$work/base.c" "$work/impl.c" >"$work/leak.c"
-    gcc -dM -E -I. "$work/base.c" | sort >"$work/base.txt"
-    gcc -dM -E -I. "$work/leak.c" | sort >"$work/leak.txt"
-    ! comm -13 "$work/base.txt" "$work/leak.txt" | awk '{print $2}' | grep -v '^CONEMAP_' || return 1
+    printf '#include <stddef.h>\n#include <stdint.h>\n#include <math.h>\n#include <string.h>\n#include <stdlib.h>\n' >"$dir/base.c"
+    cat "$dir/base.c" "$work/impl.c" >"$dir/leak.c"
+    gcc -dM -E -I. "$dir/base.c" | sort >"$dir/base.txt"
+    gcc -dM -E -I. "$dir/leak.c" | sort >"$dir/leak.txt"
+    ! comm -13 "$dir/base.txt" "$dir/leak.txt" | awk '{print $2}' | grep -v '^CONEMAP_' || return 1
     # Private macros are all undefined again.
-    ! comm -13 "$work/base.txt" "$work/leak.txt" | awk '{print $2}' | grep '^CONEMAP__' || return 1
-    gcc -fno-pic -c -I. "$work/impl.c" -o "$work/leak.o" # position-independent code puts constants among the data
-    ! nm -g --defined-only "$work/leak.o" | awk '{print $3}' | grep -v '^conemap_' || return 1
-    ! nm -g --defined-only "$work/leak.o" | awk '{print $3}' | grep '^conemap__' || return 1
-    ! nm "$work/leak.o" | grep -iE ' [bd] ' # no mutable globals
+    ! comm -13 "$dir/base.txt" "$dir/leak.txt" | awk '{print $2}' | grep '^CONEMAP__' || return 1
+    gcc -fno-pic -c -I. "$work/impl.c" -o "$dir/leak.o" # position-independent code puts constants among the data
+    ! nm -g --defined-only "$dir/leak.o" | awk '{print $3}' | grep -v '^conemap_' || return 1
+    ! nm -g --defined-only "$dir/leak.o" | awk '{print $3}' | grep '^conemap__' || return 1
+    ! nm "$dir/leak.o" | grep -iE ' [bd] ' # no mutable globals
 }
 need "no leaked names, no mutable globals" gcc nm && part "no leaked names, no mutable globals" leaks
 
@@ -112,9 +117,9 @@ suite_run() { # RUNNER COMPILER FLAGS...
     local runner=$1 compiler=$2
     shift 2
     # shellcheck disable=SC2086
-    $compiler -I. "$@" $suite -o "$work/suite" -lm || return 1
+    $compiler -I. "$@" $suite -o "$dir/suite" -lm || return 1
     # shellcheck disable=SC2086
-    $runner "$work/suite" $CHECK_FILTER
+    $runner "$dir/suite" $CHECK_FILTER
 }
 CHECK_FILTER=
 need "suite clang -O2" clang && part "suite clang -O2" suite_run "" clang -std=c99 $strict -O2
@@ -126,7 +131,7 @@ need "suite tcc" tcc && part "suite tcc" suite_run "" tcc -std=c99
 # These keep the guarantees but not the bits, so only tests of guarantees are asked.
 for flags in "-Ofast -march=native" "-O2 -ffast-math"; do
     # shellcheck disable=SC2086
-    need "guarantees gcc $flags" gcc && CHECK_FILTER=tracers part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
+    need "guarantees gcc $flags" gcc && CHECK_FILTER=tracers/ part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
 done
 
 # ---- sanitizers and valgrind ----------------------------------------------------------------------------------
@@ -136,10 +141,10 @@ for compiler in gcc clang; do
 done
 valgrind_run() {
     # shellcheck disable=SC2086
-    gcc -std=c99 $strict -g -O2 -I. $suite -o "$work/suite" -lm || return 1
+    gcc -std=c99 $strict -g -O2 -I. $suite -o "$dir/suite" -lm || return 1
     local area
-    for area in formats builds inputs samples; do
-        valgrind -q --error-exitcode=9 --leak-check=full "$work/suite" $area || return 1
+    for area in formats/ builds/ inputs/ samples/ safe/bands; do
+        valgrind -q --error-exitcode=9 --leak-check=full "$dir/suite" $area || return 1
     done
 }
 need "valgrind" valgrind gcc && part "valgrind" valgrind_run
@@ -149,10 +154,9 @@ foreign() { # COMPILER EMULATOR FLAGS...
     local compiler=$1 emulator=$2
     shift 2
     # shellcheck disable=SC2086
-    $compiler -std=c99 -static -O2 $strict -I. "$@" $suite -o "$work/foreign" -lm || return 1
+    $compiler -std=c99 -static -O2 $strict -I. "$@" $suite -o "$dir/foreign" -lm || return 1
     local area
-    for area in formats builds inputs samples; do $emulator "$work/foreign" $area || return 1; done
-    $emulator "$work/foreign" oracle/exhaustive || return 1
+    for area in formats/ inputs/ samples/ safe/bands safe/relaxed_c; do $emulator "$dir/foreign" $area || return 1; done
 }
 for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu:-fexcess-precision=fast ppc64:powerpc64-linux-gnu: riscv64:riscv64-linux-gnu: \
     arm:arm-linux-gnueabihf:-mfpu=neon i386:i686-linux-gnu:"-msse2 -mfpmath=sse"; do
@@ -162,28 +166,28 @@ for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu:-fexcess-precisio
 done
 x87() {
     # shellcheck disable=SC2086
-    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -I. $suite -o "$work/foreign" -lm || return 1
-    qemu-i386 "$work/foreign" tracers
+    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -I. $suite -o "$dir/foreign" -lm || return 1
+    qemu-i386 "$dir/foreign" tracers/vertical && qemu-i386 "$dir/foreign" tracers/exact
 }
 need "guarantees x87" i686-linux-gnu-gcc qemu-i386 && part "guarantees x87" x87
 windows() {
     # shellcheck disable=SC2086
-    x86_64-w64-mingw32-gcc -std=c99 -O2 $strict $warn -I. $suite -o "$work/suite.exe"
+    x86_64-w64-mingw32-gcc -std=c99 -O2 $strict $warn -I. $suite -o "$dir/suite.exe"
 }
 need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" windows
 
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
-    clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/fuzz/fuzz.c -o "$work/fuzz" -lm || return 1
-    mkdir -p "$work/corpus"
-    "$work/fuzz" -seed=1 -runs=40000 -max_len=700 -max_total_time=60 "$work/corpus"
+    clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/fuzz/fuzz.c -o "$dir/fuzz" -lm || return 1
+    mkdir -p "$dir/corpus"
+    "$dir/fuzz" -seed=1 -runs=40000 -max_len=700 -max_total_time=60 "$dir/corpus"
 }
 need "fuzz smoke" clang && part "fuzz smoke" fuzz
 
 # ---- the examples as a person runs them ---------------------------------------------------------------------------
 need "examples" make && part "examples" sh tests/examples.sh
 elsewhere() { # a clean copy in a folder whose name has spaces
-    local copy="$work/a folder with spaces"
+    local copy="$dir/a folder with spaces"
     rm -rf "$copy"
     mkdir -p "$copy"
     cp -r conemap.h Makefile tests examples "$copy/"
@@ -191,5 +195,7 @@ elsewhere() { # a clean copy in a folder whose name has spaces
 }
 need "clean copy in a path with spaces" make && part "clean copy in a path with spaces" elsewhere
 
-printf '%d parts ok, %d failed, %d skipped\n' $ok $failed $skipped
-[ $failed = 0 ]
+wait
+count() { cat "$work/$1" 2>/dev/null | wc -l; }
+printf '%d parts ok, %d failed, %d skipped\n' "$(count ok)" "$(count failed)" "$(count skipped)"
+[ "$(count failed)" = 0 ]

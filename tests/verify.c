@@ -210,7 +210,7 @@ static void against_samples(void)
             zoo_fill(kinds[kind], info.width, info.height, (uint32_t)k, heights);
             for (t = 0; t < info.width * info.height; ++t) cones[t] = zoo_between(&random, 0.0f, cases[k].scale);
             snprintf(what, sizeof what, "case %d, %s", k, zoo_name(kinds[kind]));
-            report = compare(what, &info, heights, cones, cases[k].n);
+            report = compare(what, &info, heights, cones, kind == 0 ? cases[k].n : 5);
             unproven += (int)report.unproven;
             unsafe += (int)report.unsafe;
             safe += (int)(report.cells - report.unsafe - report.unproven);
@@ -326,7 +326,7 @@ static void shapes(void)
 /* A spike on the far border is seen across the seam, and only there. */
 static void seams(void)
 {
-    static const int at[][2] = {{15, 3}, {2, 15}, {15, 15}};
+    static const int at[][2] = {{15, 8}, {8, 15}, {15, 15}};
     float heights[256], cones[256];
     int k, t, d;
     for (k = 0; k < 3; ++k) {
@@ -503,7 +503,8 @@ static void bad_inputs(void)
     CHECK(conemap_verify(&good, NULL, small_cones, NULL, &report) == CONEMAP_ERROR_NULL, "no heights");
     CHECK(conemap_verify(&good, small_heights, NULL, NULL, &report) == CONEMAP_ERROR_NULL, "no cones");
     CHECK(conemap_verify(&good, small_heights, small_cones, NULL, NULL) == CONEMAP_ERROR_NULL, "no report");
-    CHECK(conemap_verify(&good, small_heights, small_cones, &half, &report) == CONEMAP_ERROR_NULL, "half an allocator");
+    CHECK(conemap_verify(&good, small_heights, small_cones, &half, &report) == CONEMAP_ERROR_NULL,
+          "half an allocator");
     REFUSE((void)info, CONEMAP_OK);
     REFUSE(info.width = 0, CONEMAP_ERROR_SIZE);
     REFUSE(info.height = -1, CONEMAP_ERROR_SIZE);
