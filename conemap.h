@@ -34,6 +34,7 @@
        B U I L D I N G             conemap_build; memory; progress; jobs for a host's own threads
        T E X T U R E S             upload, bake to bytes, load, format numbers
        S A M P L I N G             height, cone and normal at a point
+       V E R I F Y I N G           proof that interpolated cones are empty
        T R A C I N G               rays against the relief
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
@@ -44,6 +45,7 @@
        B U I L D   P A S S E S     validation, memory plan, jobs
        F I L E S                   texture and baked bytes
        S A M P L E R S             bilinear cells
+       V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        T R A C E R S               the walk through cells, every tracer, refinement
        L I C E N C E               at the end of the file
 
@@ -329,6 +331,8 @@ typedef struct conemap_map {
         float search_u, search_v; /* the same as the search for cones counts it */
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
+        unsigned char *wanted;  /* while updating: what to do with each texel */
+        int updating;
         int pass_jobs[8];
     } build;
 } conemap_map;
@@ -418,6 +422,16 @@ CONEMAP_API void conemap_free(conemap_map *map);
    heights' values. Either pointer may be null. */
 CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size);
 
+/* Brings a map up to date after its heights changed inside a rectangle of texels.
+   desc: the settings that the map was built with, and the whole heightmap as it is now (only the rectangle is read);
+   its memory and keep_pyramid are ignored. Only what the edit can have changed is computed: with CONEMAP_EXACT without slack
+   a region around the rectangle, as far as its old and new heights reach; with other settings everything.
+   The result is that of a full build, to the bit. Allocates scratch, and frees it again. Errors: those of conemap_build;
+   PARAMETER if desc has other settings than the map; SIZE if the rectangle is empty or not inside the map. On any error
+   the map is as it was. Nothing else may use the map meanwhile. */
+CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
+                                          int height);
+
 /* The same build in pieces, for a host's own job system:
        conemap_begin(&desc, &map);
        for (pass = 0; pass < conemap_pass_count(&map); ++pass)
@@ -484,6 +498,39 @@ CONEMAP_API conemap_result conemap_get_format_numbers(const conemap_texture *tex
    On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
    CONEMAP_NOTHING. Errors: NULL, POSITION. */
 CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
+
+/* ======================================================================================================
+   V E R I F Y I N G
+   ====================================================================================================== */
+
+/* What conemap_verify found. safe cells = cells - unsafe - unproven. */
+typedef struct conemap_report {
+    size_t cells;           /* bilinear cells looked at: those between texel centres */
+    size_t unsafe;          /* cells in which some interpolated cone holds a point of the surface: with a witness */
+    size_t unproven;        /* cells in which neither safety nor a witness was found within the work allowed */
+    double worst;           /* deepest penetration among the witnesses, in height units: how far the surface rises
+                               above the side of a cone whose apex stands at height + 2^-20 */
+    float u, v;             /* where the apex of that cone stands */
+} conemap_report;
+
+/* Proves that bilinear sampling of a cone map is safe, or shows where it is not: by bounding whole rectangles of
+   apices against whole rectangles of the surface, not by sampling. A cell is safe if for every apex p in it and
+   every point q of the surface
+       (height(q) - height(p) - 2^-20) tan(p) <= |q - p|
+   with tan(p) as conemap_sample_at gives it, but for that sampler's rounding, which the 2^-20 is there for.
+
+   info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each,
+   row 0 first, as a texture fetch returns them (cones encoded), of our maps or of anybody's:
+       conemap_verify(&map.info, map.heights, map.cones, NULL, &report);
+   allocator: null for the default; under 2 bytes a texel are held during the call.
+   report: overwritten. OK says only that the report is there; the map is safe if unsafe and unproven are both 0.
+   `worst` is the deepest there is to within 2 % and 2^-20, unless a cell's work ran out.
+   Takes 1 to 10 us a cell on safe maps, more on unsafe ones; cones that follow long even slopes to the last bit
+   take the longest and may stay unproven.
+   Errors: NULL, SIZE, ENUM, PARAMETER (aspect or max_tan as in a desc, but not 0; a cone NaN, infinite or negative),
+   HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe. */
+CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
+                                          const conemap_allocator *allocator, conemap_report *report);
 
 /* ======================================================================================================
    T R A C I N G
@@ -1836,9 +1883,10 @@ static int conemap__is_bilinear(const conemap_info *info) {
     return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
 }
 
-/* Correction needs the cones of neighbours as they were; otherwise they are worked on in place. */
-static int conemap__needs_plane(const conemap_desc *desc, const conemap_info *info) {
-    return desc->min3x3 && !conemap__is_bilinear(info);
+/* Correction needs the cones of neighbours as they were, an update those that it leaves alone; otherwise they are worked
+   on in place. */
+static int conemap__needs_plane(const conemap_map *map) {
+    return map->build.updating || (map->info.min3x3 && !conemap__is_bilinear(&map->info));
 }
 
 /* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
@@ -1978,7 +2026,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
             (desc->slack > 0.0f && !conemap__add_size(&scratch, texels + 2 * (size_t)bands * (size_t)w, sizeof(float))))
             return CONEMAP_ERROR_OVERFLOW;
     }
-    if (conemap__needs_plane(desc, &map->info) && !conemap__add_size(&scratch, texels, sizeof(float)))
+    if (conemap__needs_plane(map) && !conemap__add_size(&scratch, texels, sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
     if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
@@ -2007,6 +2055,15 @@ static void conemap__release(const conemap_allocator *allocator, void *memory, i
         allocator->release(memory, allocator->user);
     else
         CONEMAP_FREE(memory);
+}
+
+/* Would the two descs behind these infos make the same cones of the same heights? */
+static int conemap__same_settings(const conemap_info *a, const conemap_info *b) {
+    return a->width == b->width && a->height == b->height && a->wrap_u == b->wrap_u && a->wrap_v == b->wrap_v &&
+           conemap__bits(a->aspect) == conemap__bits(b->aspect) && conemap__bits(a->max_tan) == conemap__bits(b->max_tan) &&
+           a->texture.format == b->texture.format && a->texture.encoding == b->texture.encoding &&
+           a->texture.layout == b->texture.layout && a->generator == b->generator && a->guarantee == b->guarantee &&
+           a->min3x3 == b->min3x3;
 }
 
 static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
@@ -2056,7 +2113,7 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
             if (desc->slack > 0.0f) map->build.folds = (float *)conemap__cut(&cursor, texels + rims, sizeof(float));
         }
         map->build.plane =
-            conemap__needs_plane(desc, &map->info) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
+            conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
         map->build.job_results = cursor;
         memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
     }
@@ -2102,23 +2159,33 @@ CONEMAP__DEF int conemap_job_count(const conemap_map *map, int pass) {
     return pass >= 0 && pass < conemap_pass_count(map) ? map->build.pass_jobs[pass] : 0;
 }
 
-/* Reads rows of the caller's heights as the texture will hold them. */
-static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
-    int x, y;
-    for (y = y0; y < y1; ++y) {
-        const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
-        float *row = map->build.heights + (size_t)y * (size_t)map->info.width;
-        for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
-            float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
-            if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
-            value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
-            if (map->info.texture.layout != CONEMAP_CONE_ONLY)
-                value = conemap__value(map->info.texture.format,
-                                       conemap__code_near(map->info.texture.format, value));
-            row[x] = value;
-        }
+/* Reads a row of the caller's heights as the texture will hold them. */
+static conemap_result conemap__decode_row(const conemap_info *info, const conemap_heights *h, int y, float *row) {
+    const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
+    int x;
+    for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
+        float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
+        if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
+        value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
+        if (info->texture.layout != CONEMAP_CONE_ONLY)
+            value = conemap__value(info->texture.format, conemap__code_near(info->texture.format, value));
+        row[x] = value;
     }
     return CONEMAP_OK;
+}
+
+static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
+    conemap_result result = CONEMAP_OK;
+    int y;
+    for (y = y0; y < y1 && result == CONEMAP_OK; ++y)
+        result = conemap__decode_row(&map->info, h, y, map->build.heights + (size_t)y * (size_t)map->info.width);
+    return result;
+}
+
+enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
+
+CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int x, int y, int what) {
+    return !map->build.wanted || (map->build.wanted[(size_t)y * (size_t)map->info.width + (size_t)x] & what);
 }
 
 /* Tells the host how far the build is: almost all of the work is in the cones. */
@@ -2138,6 +2205,7 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
     search.best_j = y0;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < w; ++x) {
+            if (!conemap__is_wanted(map, x, y, CONEMAP__SEARCH)) continue;
             map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, &search, x, y);
             if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
                 conemap_result result =
@@ -2195,6 +2263,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
                                relaxed ? conemap__relaxed_own(&band, x, y) : conemap__own_slope2(&band, x, y));
     for (y = band.y0; y < band.y1; ++y)
         for (x = 0; x < w; ++x) {
+            if (!conemap__is_wanted(map, x, y, CONEMAP__SEARCH)) continue;
             if (relaxed)
                 conemap__relaxed_vertex(&band, x, y, search.near2);
             else
@@ -2239,9 +2308,11 @@ static void conemap__store_rows(conemap_map *map, int y0, int y1) {
     for (y = y0; y < y1; ++y)
         for (x = 0; x < map->info.width; ++x) {
             size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
-            float tangent = map->build.rims      ? conemap__safe_tangent(map, x, y)
-                            : map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y)
-                                               : map->build.plane[at];
+            float tangent;
+            if (!conemap__is_wanted(map, x, y, CONEMAP__STORE)) continue;
+            tangent = map->build.rims    ? conemap__safe_tangent(map, x, y)
+                      : map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y)
+                                         : map->build.plane[at];
             map->build.cones[at] = conemap__store_cone(&map->info, map->heights[at], tangent);
         }
 }
@@ -2358,6 +2429,162 @@ CONEMAP__DEF conemap_result conemap_build(const conemap_desc *desc, conemap_map 
         }
     }
     return conemap_end(map);
+}
+
+/* ---- updates ------------------------------------------------------------------------------------------------- */
+
+/* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
+static float conemap__slope_floor(const conemap_map *map, size_t at) {
+    const conemap_texture *texture = &map->info.texture;
+    uint32_t code = conemap__code_near(texture->format, map->cones[at]);
+    float next = conemap__value(texture->format, code + 2), tangent;
+    if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
+    tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
+    /* near the top a radius says nothing */
+    if (texture->encoding == CONEMAP_RADIUS && map->heights[at] > 0.999f) tangent = map->info.max_tan;
+    tangent = conemap__min(tangent, map->info.max_tan);
+    return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
+}
+
+/* Whole distance, in texels, from `at` to the texels low..high of an axis, or to the images of a wrapping one. */
+static int conemap__axis_distance(int at, int low, int high, int size, conemap_wrap wrap) {
+    int d = conemap__maxi(0, conemap__maxi(low - at, at - high));
+    if (wrap == CONEMAP_WRAP) {
+        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low - size - at, at - (high - size))));
+        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low + size - at, at - (high + size))));
+    }
+    return d;
+}
+
+static void conemap__mark_around(const conemap_map *map, unsigned char *wanted, int i, int j, unsigned char mark) {
+    int x, y;
+    for (y = j - 1; y <= j + 1; ++y)
+        for (x = i - 1; x <= i + 1; ++x)
+            wanted[(size_t)conemap__texel_index(y, map->info.height, map->info.wrap_v) * (size_t)map->info.width +
+                   (size_t)conemap__texel_index(x, map->info.width, map->info.wrap_u)] |= mark;
+}
+
+/* Marks what an edit of rectangle (x, y, width, height) can change: a texel is safe from it if nothing as high as `highest`,
+   before or after, standing at the rectangle's nearest texel, is as steep as what the texel's cone has already. With the
+   bilinear guarantee the rectangle's cells count, the nearest of all are looked at whatever their slope, and a search
+   serves its 3x3 texels. Returns how many texels are to be stored. */
+static size_t conemap__mark(const conemap_map *map, unsigned char *wanted, int x, int y, int width, int height,
+                            float highest) {
+    int bilinear = conemap__is_bilinear(&map->info), i, j, a, b, w = map->info.width, h = map->info.height;
+    float near2 = 0.0f, deflate = 0.0f;
+    size_t at, count = 0;
+    if (bilinear) {
+        deflate = 0.25f * (map->build.search_u * map->build.search_u + map->build.search_v * map->build.search_v);
+        near2 = deflate / CONEMAP__TOLERANCE;
+    }
+    for (j = 0; j < h; ++j)
+        for (i = 0; i < w; ++i) {
+            float du = (float)conemap__maxi(0, conemap__axis_distance(i, x, x + width - 1, w, map->info.wrap_u) - bilinear) *
+                       map->build.search_u;
+            float dv = (float)conemap__maxi(0, conemap__axis_distance(j, y, y + height - 1, h, map->info.wrap_v) - bilinear) *
+                       map->build.search_v;
+            float d2 = du * du + dv * dv, rise = highest - map->heights[(size_t)j * (size_t)w + (size_t)i];
+            float least = CONEMAP__FAR;
+            int hit = d2 <= near2;
+            if (!hit && rise <= 0.0f) continue;
+            for (b = -bilinear; !hit && b <= bilinear; ++b)
+                for (a = -bilinear; a <= bilinear; ++a) {
+                    size_t beside = (size_t)conemap__texel_index(j + b, h, map->info.wrap_v) * (size_t)w +
+                                    (size_t)conemap__texel_index(i + a, w, map->info.wrap_u);
+                    least = conemap__min(least, conemap__slope_floor(map, beside));
+                }
+            if (!hit && rise * rise < least * (d2 - deflate)) continue;
+            if (bilinear)
+                conemap__mark_around(map, wanted, i, j, CONEMAP__STORE);
+            else
+                wanted[(size_t)j * (size_t)w + (size_t)i] = CONEMAP__STORE;
+        }
+    for (j = 0; j < h; ++j)
+        for (i = 0; i < w; ++i) {
+            at = (size_t)j * (size_t)w + (size_t)i;
+            if (!(wanted[at] & CONEMAP__STORE)) continue;
+            ++count;
+            if (bilinear)
+                conemap__mark_around(map, wanted, i, j, CONEMAP__SEARCH);
+            else
+                wanted[at] |= CONEMAP__SEARCH;
+        }
+    return count;
+}
+
+static float conemap__rectangle_max(const conemap_map *map, int x, int y, int width, int height, float highest) {
+    int i, j;
+    for (j = y; j < y + height; ++j)
+        for (i = x; i < x + width; ++i) highest = conemap__max(highest, conemap__height(map, i, j));
+    return highest;
+}
+
+CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
+                                           int height) {
+    conemap_map work;
+    conemap_desc settings;
+    conemap_result result;
+    conemap_heights rectangle;
+    size_t memory_size, scratch_size, texels;
+    unsigned char *wanted = NULL;
+    float highest;
+    int pass, job, partial, k;
+    if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
+    settings = *desc;
+    result = conemap__resolve(&settings);
+    if (result != CONEMAP_OK) return result;
+    settings.memory = map->build.memory;
+    settings.memory_size = map->memory_size;
+    settings.keep_pyramid = map->cells.levels > 0;
+    settings.progress = NULL;
+    memset(&work, 0, sizeof work);
+    work.build.updating = 1;
+    result = conemap__plan(&work, &settings, &memory_size, &scratch_size);
+    if (result != CONEMAP_OK) return result;
+    if (!conemap__same_settings(&work.info, &map->info)) return CONEMAP_ERROR_PARAMETER;
+    if (x < 0 || y < 0 || width < 1 || height < 1 || x >= map->info.width || y >= map->info.height ||
+        width > map->info.width - x || height > map->info.height - y)
+        return CONEMAP_ERROR_SIZE;
+    texels = conemap__texels(map);
+    work.build.allocator = settings.allocator;
+    result = conemap__allocate(&work, memory_size, scratch_size);
+    if (result == CONEMAP_OK) /* one byte a texel, and the rectangle's new heights until all of them are known to be good */
+        result = conemap__take(&settings.allocator, NULL, 0, texels + (size_t)width * (size_t)height * sizeof(float),
+                               (void **)&wanted, &k);
+    if (result == CONEMAP_OK) {
+        unsigned char *cursor = wanted + texels;
+        rectangle = settings.heights;
+        rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
+                           (ptrdiff_t)x * rectangle.pixel_stride;
+        rectangle.width = width;
+        for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not aligned */
+            result = conemap__decode_row(&work.info, &rectangle, k, work.build.plane);
+            memcpy(cursor, work.build.plane, (size_t)width * sizeof(float));
+            cursor += (size_t)width * sizeof(float);
+        }
+    }
+    if (result == CONEMAP_OK) {
+        /* Everything is known and at hand: from here on nothing can fail. */
+        memset(wanted, 0, texels);
+        highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
+        for (k = 0; k < height; ++k)
+            memcpy(work.build.heights + (size_t)(y + k) * (size_t)map->info.width + (size_t)x,
+                   wanted + texels + (size_t)k * (size_t)width * sizeof(float), (size_t)width * sizeof(float));
+        highest = conemap__rectangle_max(map, x, y, width, height, highest);
+        /* Slack depends on the way of the search, and correction on cones that are no longer there: those start afresh. */
+        partial = settings.generator == CONEMAP_EXACT && !(settings.slack > 0.0f) && !(settings.min3x3 && !work.build.rims);
+        if (partial)
+            (void)conemap__mark(&work, wanted, x, y, width, height, highest);
+        else
+            memset(wanted, CONEMAP__SEARCH | CONEMAP__STORE, texels);
+        work.build.wanted = wanted;
+        for (pass = CONEMAP__PASS_STRIPS; pass < CONEMAP__PASS_COUNT; ++pass)
+            for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
+        map->info.height_hash = conemap__hash_heights(map);
+    }
+    if (wanted) conemap__release(&settings.allocator, wanted, 1);
+    conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
+    return result;
 }
 
 /* ======================================================================================================
@@ -2733,6 +2960,413 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
     sample->normal[0] = -sample->dhdu / length;
     sample->normal[1] = -sample->dhdv / length;
     sample->normal[2] = 1.0f / length;
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   V E R I F I C A T I O N
+
+   To show: (h(q) - h(p) - d) t(p) <= |q - p| for all p in a cell and all q on the surface, d = 2^-20.
+
+   Every cell of apices is held against blocks of the surface, and cell against cell; there the larger of two
+   rectangles R (of p) and Q (of q) is halved until one of these settles the pair. Halves of bilinear patches
+   are bilinear patches; i and j run over the corners, w_i w_j are the bilinear weights of p and q, and E and Cov
+   are over these weights.
+   (a) (max h(Q) - min h(R) - d) max t(R) <= the least distance.
+   (b) t_i (h_j - h_i - d) + C <= sqrt(D_ij^2 - V) for all 16 corner pairs, C = range of t(R) * range of h(R) / 4,
+       V = the sum of the squared sides of R and Q / 4. For E t_i (h_j - h_i - d) = T (h(q) - h(p) - d) - Cov(t, h)
+       with T = E t_i, Cov <= C, and E sqrt(D_ij^2 - V) <= sqrt(E D_ij^2 - V) <= |q - p|, since the square root is
+       concave and E D_ij^2 exceeds |q - p|^2 by the variances, V at most. Tight to second order.
+   (c) max t(R) times the steepest ascent towards Q in all cells that R and Q span <= 1, with d for room: needed
+       where cells touch, and on even slopes.
+   A corner pair that breaks the claim is a witness.
+
+   The tangents are those of the encoding. Each has its maximum over a rectangle at a corner: a bilinear tangent,
+   the square of one, and a quotient of two bilinear functions, which is monotone along each axis.
+   (b) takes T for t(p). LINEAR: they are the same. SQRT: t(p) <= T, the mean of squares. RADIUS below max_tan:
+   r(p) = E t_i (1 - h_i) makes t(p) = T - Cov(t, h) / (1 - h(p)), so the left side becomes E t_i (h_j - h_i - d) +
+   Cov(t, h) (1 - (h(q) - h(p) - d) / (1 - h(p))), and that last factor is in 0..1. Where max_tan caps a corner, the
+   greatest t serves as all four.
+
+   Clamped borders: the outer half cells need no looking at. An apex or a surface point there has the height and
+   the cone of its projection onto the rectangle of centres, and projecting both shortens |q - p|. So does an
+   axis of one texel, whose cells have no length. Wrapping: of all images of q the nearest decides.
+
+   Rounding: coordinates are dyadic and exact; all else is off by some 1e-15 of itself. Proofs get 2^-40 less than
+   d, and witnesses need 2^-40 more.
+   ====================================================================================================== */
+
+#define CONEMAP__VERIFY_DEPTH 52       /* halvings of a pair of cells, four sides together */
+#define CONEMAP__VERIFY_WORK (1 << 17) /* pairs of rectangles looked at in one pass over a cell */
+#define CONEMAP__VERIFY_APEX (1.0 / 1048576.0)
+#define CONEMAP__VERIFY_GRAIN (1.0 / 1099511627776.0)
+
+/* A rectangle within a cell. Corner k stands at (x + (k & 1) sx, y + (k >> 1) sy), in texels. */
+typedef struct conemap__patch {
+    double x, y, sx, sy;
+    double h[4];
+    double stored[4], t[4]; /* of apices: the encoded cones and their tangents */
+    int i, j;               /* the cell; of another period beside a wrapping border */
+} conemap__patch;
+
+typedef struct conemap__proof {
+    const conemap_map *map;
+    conemap_report *report;
+    double a, b;            /* a texel's size; 0 along an axis of one texel */
+    double slack;           /* how far the surface may rise above a cone: once the cell has a witness, only a
+                               deeper one is of interest */
+    int depth, work;        /* halvings allowed; pairs that may still be looked at */
+    int found, open;        /* a witness; a pair that nothing settled */
+} conemap__proof;
+
+CONEMAP__INLINE double conemap__mind(double a, double b) { return a < b ? a : b; }
+CONEMAP__INLINE double conemap__maxd(double a, double b) { return a > b ? a : b; }
+
+CONEMAP__INLINE double conemap__least4(const double *x) {
+    return conemap__mind(conemap__mind(x[0], x[1]), conemap__mind(x[2], x[3]));
+}
+
+CONEMAP__INLINE double conemap__most4(const double *x) {
+    return conemap__maxd(conemap__maxd(x[0], x[1]), conemap__maxd(x[2], x[3]));
+}
+
+/* conemap__decode_tan without its rounding. Where the surface touches the top of the box RADIUS has no limit but
+   max_tan, unless the radius is 0: then the neighbours bound it. */
+CONEMAP__INLINE double conemap__exact_tan(const conemap_info *info, double height, double stored) {
+    double top = 1.0 - height;
+    switch (info->texture.encoding) {
+    case CONEMAP_SQRT: return stored * stored;
+    case CONEMAP_RADIUS:
+        return stored <= 0.0 ? 0.0 : stored < (double)info->max_tan * top ? stored / top : (double)info->max_tan;
+    default: return stored;
+    }
+}
+
+/* Cell (i, j); with cones if `apices`. */
+static void conemap__whole_patch(const conemap__proof *proof, int i, int j, int apices, conemap__patch *patch) {
+    const conemap_map *map = proof->map;
+    conemap__quad quad = conemap__cell_quad(map, i, j);
+    conemap__corners c = conemap__gather(map->heights, quad);
+    int k;
+    patch->i = i;
+    patch->j = j;
+    patch->x = (double)i;
+    patch->y = (double)j;
+    patch->sx = map->info.width > 1 ? 1.0 : 0.0;
+    patch->sy = map->info.height > 1 ? 1.0 : 0.0;
+    patch->h[0] = (double)c.h00;
+    patch->h[1] = (double)c.h10;
+    patch->h[2] = (double)c.h01;
+    patch->h[3] = (double)c.h11;
+    if (!apices) return;
+    c = conemap__gather(map->cones, quad);
+    patch->stored[0] = (double)c.h00;
+    patch->stored[1] = (double)c.h10;
+    patch->stored[2] = (double)c.h01;
+    patch->stored[3] = (double)c.h11;
+    for (k = 0; k < 4; ++k) patch->t[k] = conemap__exact_tan(&map->info, patch->h[k], patch->stored[k]);
+}
+
+/* Halves a patch across its longer side. */
+static void conemap__halve(const conemap__proof *proof, const conemap__patch *whole, int apices,
+                           conemap__patch *low, conemap__patch *high) {
+    int along = whole->sx * proof->a >= whole->sy * proof->b ? 1 : 2, k;
+    *low = *whole;
+    *high = *whole;
+    if (along == 1) {
+        low->sx = high->sx = 0.5 * whole->sx;
+        high->x += low->sx;
+    } else {
+        low->sy = high->sy = 0.5 * whole->sy;
+        high->y += low->sy;
+    }
+    for (k = 0; k < 2; ++k) { /* the middles of the two sides that are cut */
+        int first = k * (3 - along), last = first + along;
+        low->h[last] = high->h[first] = 0.5 * (whole->h[first] + whole->h[last]);
+        if (!apices) continue;
+        low->stored[last] = high->stored[first] = 0.5 * (whole->stored[first] + whole->stored[last]);
+        low->t[last] = high->t[first] = conemap__exact_tan(&proof->map->info, low->h[last], low->stored[last]);
+    }
+}
+
+/* The steepest rise per texel of slopes g0..g1 in directions d0..d1 along an axis. */
+CONEMAP__INLINE double conemap__ascent(double g0, double g1, double d0, double d1) {
+    double ahead = d1 > 0.0 ? conemap__maxd(g0, g1) : 0.0, back = d0 < 0.0 ? -conemap__mind(g0, g1) : 0.0;
+    return conemap__maxd(0.0, conemap__maxd(ahead, back));
+}
+
+/* The steepest ascent in any direction that leads from p to q, over everything between them. */
+static double conemap__steepest(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
+    double x0 = conemap__mind(p->x, q->x), x1 = conemap__maxd(p->x + p->sx, q->x + q->sx);
+    double y0 = conemap__mind(p->y, q->y), y1 = conemap__maxd(p->y + p->sy, q->y + q->sy);
+    double left = q->x - p->x - p->sx, right = q->x + q->sx - p->x, worst = 0.0;
+    double down = q->y - p->y - p->sy, up = q->y + q->sy - p->y;
+    int i, j;
+    for (j = conemap__mini(p->j, q->j); j <= conemap__maxi(p->j, q->j); ++j)
+        for (i = conemap__mini(p->i, q->i); i <= conemap__maxi(p->i, q->i); ++i) {
+            conemap__corners c = conemap__gather(proof->map->heights, conemap__cell_quad(proof->map, i, j));
+            double u0 = conemap__clamp01(x0 - (double)i), u1 = conemap__clamp01(x1 - (double)i);
+            double v0 = conemap__clamp01(y0 - (double)j), v1 = conemap__clamp01(y1 - (double)j);
+            double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
+            double near = (double)c.h01 - (double)c.h00, far = (double)c.h11 - (double)c.h10;
+            double x = conemap__ascent(low + (high - low) * v0, low + (high - low) * v1, left, right);
+            double y = conemap__ascent(near + (far - near) * u0, near + (far - near) * u1, down, up);
+            x = proof->a > 0.0 ? x / proof->a : 0.0;
+            y = proof->b > 0.0 ? y / proof->b : 0.0;
+            worst = conemap__maxd(worst, x * x + y * y);
+        }
+    return sqrt(worst);
+}
+
+static void conemap__witness(conemap__proof *proof, double u, double v, double depth) {
+    conemap_report *report = proof->report;
+    if (depth > report->worst) {
+        report->worst = depth;
+        report->u = (float)((u + 0.5) / (double)proof->map->info.width);
+        report->v = (float)((v + 0.5) / (double)proof->map->info.height);
+    }
+    proof->found = 1;
+    proof->slack = CONEMAP__VERIFY_APEX + (1.0 + 1.0 / 64.0) * report->worst + 1.0 / 1048576.0;
+}
+
+/* Settles apices p against the surface q, or halves one of them. */
+static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const conemap__patch *q, int depth) {
+    const conemap_info *info = &proof->map->info;
+    double a = proof->a, b = proof->b, aa = a * a, bb = b * b, slack = proof->slack;
+    double t = conemap__most4(p->t), low = conemap__least4(p->h), gap = conemap__most4(q->h) - low - slack;
+    double reach = gap * t, nx, ny, near, spread, mixed;
+    int i, j, done, far, capped;
+    conemap__patch first, second;
+    if (!(reach > 0.0)) return;
+    nx = conemap__maxd(0.0, conemap__maxd(q->x - p->x - p->sx, p->x - q->x - q->sx));
+    ny = conemap__maxd(0.0, conemap__maxd(q->y - p->y - p->sy, p->y - q->y - q->sy));
+    near = nx * nx * aa + ny * ny * bb;
+    if (reach * reach <= near) return; /* (a) */
+    if (--proof->work < 0) {
+        proof->open = 1;
+        return;
+    }
+    capped = info->texture.encoding == CONEMAP_RADIUS && t >= (double)info->max_tan;
+    mixed = capped ? 0.0 : 0.25 * (t - conemap__least4(p->t)) * (conemap__most4(p->h) - low);
+    spread = 0.25 * ((p->sx * p->sx + q->sx * q->sx) * aa + (p->sy * p->sy + q->sy * q->sy) * bb);
+    done = near > 1.25 * spread; /* below that the difference in (b) is all rounding */
+    for (i = 0; i < 4; ++i)
+        for (j = 0; j < 4; ++j) {
+            double dx = q->x + (j & 1 ? q->sx : 0.0) - p->x - (i & 1 ? p->sx : 0.0);
+            double dy = q->y + (j & 2 ? q->sy : 0.0) - p->y - (i & 2 ? p->sy : 0.0);
+            double d2 = dx * dx * aa + dy * dy * bb, rise = q->h[j] - p->h[i] - slack, side;
+            side = (rise - 2.0 * CONEMAP__VERIFY_GRAIN) * p->t[i];
+            if (side > 0.0 && side * side > d2) { /* the corner tangents are exact, so this one is real */
+                conemap__witness(proof, p->x + (i & 1 ? p->sx : 0.0), p->y + (i & 2 ? p->sy : 0.0),
+                                 q->h[j] - p->h[i] - CONEMAP__VERIFY_APEX - sqrt(d2) / p->t[i]);
+                done = 0;
+            }
+            side = rise * (capped ? t : p->t[i]) + mixed;
+            if (side > 0.0 && side * side > d2 - spread) done = 0; /* (b) */
+        }
+    if (done) return;
+    far = (1 + (q->i < p->i ? p->i - q->i : q->i - p->i)) * (1 + (q->j < p->j ? p->j - q->j : q->j - p->j));
+    /* (c): t (steepest D - slack) <= D for all D up to the reach, beyond which (a) holds. Across many cells it costs
+       more than halving. */
+    if ((far <= 4 || (far <= 81 && depth >= 4 && depth % 4 == 0)) &&
+        (t * conemap__steepest(proof, p, q) - 1.0) * gap <= slack)
+        return;
+    if (depth >= proof->depth) {
+        proof->open = 1;
+        return;
+    }
+    if (p->sx * a + p->sy * b > q->sx * a + q->sy * b) {
+        conemap__halve(proof, p, 1, &first, &second);
+        conemap__prove(proof, &first, q, depth + 1);
+        conemap__prove(proof, &second, q, depth + 1);
+    } else {
+        conemap__halve(proof, q, 0, &first, &second);
+        conemap__prove(proof, p, &first, depth + 1);
+        conemap__prove(proof, p, &second, depth + 1);
+    }
+}
+
+/* Cells from a cell to a block that begins at `begin`: the ones between them. */
+CONEMAP__INLINE int conemap__cells_between(int cell, int begin, int end) {
+    return conemap__maxi(0, conemap__maxi(begin - cell - 1, cell - end));
+}
+
+/* A block of the cells' pyramid and the period that it is seen in. */
+typedef struct conemap__seen_block {
+    int level, x, y, period_u, period_v;
+} conemap__seen_block;
+
+/* Holds a cell of apices against the whole surface, in one pass. */
+static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *apices) {
+    const conemap_map *map = proof->map;
+    const conemap_pyramid *cells = &map->cells;
+    conemap__seen_block stack[9 + 4 * 17], block; /* every period's root; three siblings a level wait */
+    int count = 0, images_u = map->info.wrap_u == CONEMAP_WRAP && map->info.width > 1;
+    int images_v = map->info.wrap_v == CONEMAP_WRAP && map->info.height > 1, k, i = apices->i, j = apices->j;
+    double t = conemap__most4(apices->t), low = conemap__least4(apices->h);
+    conemap__patch surface;
+    for (k = 8; k >= 0; --k) { /* the period itself comes off the stack first */
+        static const int period[9] = {0, 0, 0, -1, 1, -1, -1, 1, 1}, other[9] = {0, -1, 1, 0, 0, -1, 1, -1, 1};
+        if ((period[k] != 0 && !images_u) || (other[k] != 0 && !images_v)) continue;
+        block.level = cells->levels - 1;
+        block.x = block.y = 0;
+        block.period_u = period[k] * map->info.width;
+        block.period_v = other[k] * map->info.height;
+        stack[count++] = block;
+    }
+    while (count > 0 && proof->work > 0) {
+        int x0, y0, nu, nv, near;
+        double highest, reach, du, dv;
+        block = stack[--count];
+        x0 = (block.x << block.level) + block.period_u;
+        y0 = (block.y << block.level) + block.period_v;
+        nu = conemap__cells_between(i, x0, x0 + (1 << block.level));
+        nv = conemap__cells_between(j, y0, y0 + (1 << block.level));
+        if ((images_u && 2 * nu > map->info.width) || (images_v && 2 * nv > map->info.height))
+            continue; /* another image of all this is nearer */
+        highest = block.level > 0 ? (double)conemap__block_max(cells, block.level, block.x, block.y)
+                                  : (double)conemap__cell_max(map, block.x, block.y);
+        reach = (highest - low - proof->slack) * t;
+        du = (double)nu * proof->a;
+        dv = (double)nv * proof->b;
+        if (!(reach > 0.0) || reach * reach <= du * du + dv * dv) continue;
+        if (block.level == 0) {
+            conemap__whole_patch(proof, x0, y0, 0, &surface);
+            conemap__prove(proof, apices, &surface, 0);
+            continue;
+        }
+        --block.level;
+        near = (i >= x0 + (1 << block.level) ? 1 : 0) + (j >= y0 + (1 << block.level) ? 2 : 0);
+        for (k = 3; k >= 0; --k) { /* the nearest child comes off the stack first: it narrows the most */
+            conemap__seen_block child = block;
+            child.x = 2 * block.x + ((near ^ k) & 1);
+            child.y = 2 * block.y + ((near ^ k) >> 1);
+            if (child.x < cells->width[child.level] && child.y < cells->height[child.level]) stack[count++] = child;
+        }
+    }
+    if (count > 0) proof->open = 1;
+}
+
+/* Holds cell (i, j) against the whole surface. First passes that give up early find most witnesses at once, where
+   one deep pass would spend its work on the first narrow place. */
+static void conemap__prove_cell(conemap__proof *proof, int i, int j) {
+    static const int depths[] = {16, 24, 36, CONEMAP__VERIFY_DEPTH};
+    conemap__patch apices;
+    int pass;
+    conemap__whole_patch(proof, i, j, 1, &apices);
+    proof->slack = CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN;
+    proof->found = 0;
+    proof->open = 1;
+    for (pass = 0; pass < 4 && proof->open; ++pass) {
+        proof->depth = depths[pass];
+        proof->work = CONEMAP__VERIFY_WORK;
+        proof->open = 0;
+        conemap__prove_pass(proof, &apices);
+    }
+    if (proof->found)
+        ++proof->report->unsafe;
+    else if (proof->open)
+        ++proof->report->unproven;
+}
+
+static conemap_result conemap__check_verify(const conemap_info *info, const float *heights, const float *cones) {
+    size_t count, k;
+    if (info->width < 1 || info->height < 1 || info->width > CONEMAP_MAX_SIZE || info->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
+    if (!CONEMAP__KNOWN(info->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(info->wrap_v, CONEMAP_WRAP_COUNT) ||
+        conemap__check_texture(&info->texture) != CONEMAP_OK)
+        return CONEMAP_ERROR_ENUM;
+    if (!conemap__in_range(info->aspect, 1.0f / 32768.0f, 32768.0f) ||
+        !conemap__in_range(info->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT))
+        return CONEMAP_ERROR_PARAMETER;
+    if ((size_t)info->width > SIZE_MAX / sizeof(float) / (size_t)info->height) return CONEMAP_ERROR_OVERFLOW;
+    count = (size_t)info->width * (size_t)info->height;
+    for (k = 0; k < count; ++k) {
+        if (!conemap__in_range(heights[k], 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
+        if (!conemap__in_range(cones[k], 0.0f, CONEMAP__FAR)) return CONEMAP_ERROR_PARAMETER;
+    }
+    return CONEMAP_OK;
+}
+
+/* The cells between centres along an axis; one that has no length stands for an axis of one texel. */
+static int conemap__inner_cells(int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? size : conemap__maxi(1, size - 1);
+}
+
+/* The steepest ascent of the whole surface. */
+static double conemap__steepest_of_all(const conemap__proof *proof, int cells_u, int cells_v) {
+    double rise_u = 0.0, rise_v = 0.0;
+    int i, j;
+    for (j = 0; j < cells_v; ++j)
+        for (i = 0; i < cells_u; ++i) {
+            conemap__corners c = conemap__gather(proof->map->heights, conemap__cell_quad(proof->map, i, j));
+            double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
+            double left = (double)c.h01 - (double)c.h00, right = (double)c.h11 - (double)c.h10;
+            rise_u = conemap__maxd(rise_u, conemap__ascent(low, high, -1.0, 1.0));
+            rise_v = conemap__maxd(rise_v, conemap__ascent(left, right, -1.0, 1.0));
+        }
+    rise_u = proof->a > 0.0 ? rise_u / proof->a : 0.0;
+    rise_v = proof->b > 0.0 ? rise_v / proof->b : 0.0;
+    return sqrt(rise_u * rise_u + rise_v * rise_v);
+}
+
+CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
+                                           const conemap_allocator *allocator, conemap_report *report) {
+    conemap_map map;
+    conemap__proof proof;
+    conemap_allocator memory_from;
+    conemap_result result;
+    void *memory = NULL;
+    unsigned char *cursor;
+    size_t bytes = 0;
+    double steepest;
+    int owns = 0, cells_u, cells_v, i, j;
+    if (!report) return CONEMAP_ERROR_NULL;
+    memset(report, 0, sizeof *report);
+    if (!info || !heights || !cones) return CONEMAP_ERROR_NULL;
+    memset(&memory_from, 0, sizeof memory_from);
+    if (allocator) memory_from = *allocator;
+    if ((memory_from.allocate == NULL) != (memory_from.release == NULL)) return CONEMAP_ERROR_NULL;
+    result = conemap__check_verify(info, heights, cones);
+    if (result != CONEMAP_OK) return result;
+
+    memset(&map, 0, sizeof map);
+    map.info = *info;
+    map.heights = heights;
+    map.cones = cones;
+    if (info->wrap_u == CONEMAP_CLAMP) map.info.wrap_u = CONEMAP_NOTHING; /* without the outer half cells */
+    if (info->wrap_v == CONEMAP_CLAMP) map.info.wrap_v = CONEMAP_NOTHING;
+    cells_u = conemap__inner_cells(info->width, info->wrap_u);
+    cells_v = conemap__inner_cells(info->height, info->wrap_v);
+    if (!conemap__pyramid_plan(&map.cells, cells_u, cells_v, 1, &bytes)) return CONEMAP_ERROR_OVERFLOW;
+    if (bytes > 0) {
+        result = conemap__take(&memory_from, NULL, 0, bytes, &memory, &owns);
+        if (result != CONEMAP_OK) {
+            conemap__release(&memory_from, memory, owns);
+            return result;
+        }
+        cursor = (unsigned char *)memory;
+        conemap__cut_pyramid(&map.cells, 1, &cursor);
+    }
+    for (j = 0; j * CONEMAP__STRIP < cells_v; ++j) conemap__pyramid_strip(&map, &map.cells, j);
+    conemap__pyramid_top(&map, &map.cells);
+
+    memset(&proof, 0, sizeof proof);
+    proof.map = &map;
+    proof.report = report;
+    proof.a = info->width > 1 ? 1.0 / (double)info->width : 0.0;
+    proof.b = info->height > 1 ? (double)info->aspect / (double)info->height : 0.0;
+    steepest = conemap__steepest_of_all(&proof, cells_u, cells_v);
+    for (j = 0; j < cells_v; ++j)
+        for (i = 0; i < cells_u; ++i) {
+            conemap__patch patch;
+            conemap__whole_patch(&proof, i, j, 1, &patch);
+            /* (c) for the whole surface; no point of it rises by more than 1. */
+            if (conemap__most4(patch.t) * steepest > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)
+                conemap__prove_cell(&proof, i, j);
+        }
+    report->cells = (size_t)cells_u * (size_t)cells_v;
+    conemap__release(&memory_from, memory, owns);
     return CONEMAP_OK;
 }
 
@@ -3403,6 +4037,10 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__STRIP
 #undef CONEMAP__BAND
 #undef CONEMAP__KNOWN
+#undef CONEMAP__VERIFY_DEPTH
+#undef CONEMAP__VERIFY_WORK
+#undef CONEMAP__VERIFY_APEX
+#undef CONEMAP__VERIFY_GRAIN
 #undef CONEMAP__FILE_WORDS
 #undef CONEMAP__FILE_HEADER
 #undef CONEMAP__REACH

@@ -9,7 +9,7 @@ mkdir -p "$work" out
 warn="-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Werror"
 suite="tests/*.c"
 strict="-ffp-contract=off"
-rm -f "$work/ok" "$work/failed" "$work/skipped"
+rm -f "$work/counts" "$work/ok" "$work/failed" "$work/skipped"
 
 have() { command -v "$1" >/dev/null 2>&1; }
 
@@ -117,12 +117,12 @@ suite_run() { # RUNNER COMPILER FLAGS...
     local runner=$1 compiler=$2
     shift 2
     # shellcheck disable=SC2086
-    $compiler -I. "$@" $suite -o "$dir/suite" -lm || return 1
+    $compiler -I. -DSTABILITY_RAYS=60000 "$@" $suite -o "$dir/suite" -lm || return 1
     # shellcheck disable=SC2086
     $runner "$dir/suite" $CHECK_FILTER
 }
 CHECK_FILTER=
-need "suite clang -O2" clang && part "suite clang -O2" suite_run "" clang -std=c99 $strict -O2
+need "suite clang -O2" clang && part "suite clang -O2" suite_run "" clang -std=c99 $strict -O2 -DVERIFY_SIDE=128
 need "suite gcc -O0" gcc && part "suite gcc -O0" suite_run "" gcc -std=c99 $strict -O0
 need "suite gcc -O3 -march=native" gcc && part "suite gcc -O3 -march=native" suite_run "" gcc -std=gnu11 $strict -O3 -march=native
 need "suite clang -O3 -march=native" clang && part "suite clang -O3 -march=native" suite_run "" clang -std=gnu11 $strict -O3 -march=native
@@ -131,7 +131,7 @@ need "suite tcc" tcc && part "suite tcc" suite_run "" tcc -std=c99
 # These keep the guarantees but not the bits, so only tests of guarantees are asked.
 for flags in "-Ofast -march=native" "-O2 -ffast-math"; do
     # shellcheck disable=SC2086
-    need "guarantees gcc $flags" gcc && CHECK_FILTER=tracers/ part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
+    need "guarantees gcc $flags" gcc && CHECK_FILTER=st part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
 done
 
 # ---- sanitizers and valgrind ----------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ for compiler in gcc clang; do
 done
 valgrind_run() {
     # shellcheck disable=SC2086
-    gcc -std=c99 $strict -g -O2 -I. $suite -o "$dir/suite" -lm || return 1
+    gcc -std=c99 $strict -DSTABILITY_RAYS=30000 -g -O2 -I. $suite -o "$dir/suite" -lm || return 1
     local area
     for area in formats/ builds/ inputs/ samples/ safe/bands; do
         valgrind -q --error-exitcode=9 --leak-check=full "$dir/suite" $area || return 1
@@ -154,9 +154,9 @@ foreign() { # COMPILER EMULATOR FLAGS...
     local compiler=$1 emulator=$2
     shift 2
     # shellcheck disable=SC2086
-    $compiler -std=c99 -static -O2 $strict -I. "$@" $suite -o "$dir/foreign" -lm || return 1
+    $compiler -std=c99 -static -O2 $strict -DSTABILITY_RAYS=30000 -I. "$@" $suite -o "$dir/foreign" -lm || return 1
     local area
-    for area in formats/ inputs/ samples/ safe/bands safe/relaxed_c; do $emulator "$dir/foreign" $area || return 1; done
+    for area in formats/ inputs/ samples/ safe/bands "safe/relaxed c" updates/errors; do $emulator "$dir/foreign" $area || return 1; done
 }
 for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu:-fexcess-precision=fast ppc64:powerpc64-linux-gnu: riscv64:riscv64-linux-gnu: \
     arm:arm-linux-gnueabihf:-mfpu=neon i386:i686-linux-gnu:"-msse2 -mfpmath=sse"; do
@@ -166,8 +166,8 @@ for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu:-fexcess-precisio
 done
 x87() {
     # shellcheck disable=SC2086
-    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -I. $suite -o "$dir/foreign" -lm || return 1
-    qemu-i386 "$dir/foreign" tracers/vertical && qemu-i386 "$dir/foreign" tracers/exact
+    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -DSTABILITY_RAYS=30000 -I. $suite -o "$dir/foreign" -lm || return 1
+    qemu-i386 "$dir/foreign" tracers/vertical && qemu-i386 "$dir/foreign" stability
 }
 need "guarantees x87" i686-linux-gnu-gcc qemu-i386 && part "guarantees x87" x87
 windows() {
@@ -175,6 +175,24 @@ windows() {
     x86_64-w64-mingw32-gcc -std=c99 -O2 $strict $warn -I. $suite -o "$dir/suite.exe"
 }
 need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" windows
+
+# ---- a hundred million hard rays: no miss with what is proven, and what is not proven must be found out -------------
+stability() {
+    local parts part pids="" bad=0
+    parts=$(nproc 2>/dev/null || echo 2)
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -DSTABILITY_MAIN -DSTABILITY_RAYS="${STABILITY_RAYS:-100000000}" -I. tests/stability.c \
+        -o "$dir/stability" -lm || return 1
+    rm -f "$dir"/part.*
+    for ((part = 0; part < parts; ++part)); do
+        "$dir/stability" $part "$parts" >"$dir/part.$part" &
+        pids="$pids $!"
+    done
+    for part in $pids; do wait "$part" || bad=1; done
+    tail -qn 1 "$dir"/part.* | awk '{r+=$1; m+=$3; f+=$5} END {print r " rays, " m " misses, " f " false hits"}' | tee "$work/counts"
+    [ $bad = 0 ] || { grep -h '^tests/stability' "$dir"/part.* | head; return 1; }
+}
+need "stability, 100 million rays" gcc && part "stability, 100 million rays" stability
 
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
@@ -196,6 +214,7 @@ elsewhere() { # a clean copy in a folder whose name has spaces
 need "clean copy in a path with spaces" make && part "clean copy in a path with spaces" elsewhere
 
 wait
+[ -f "$work/counts" ] && sed 's/^/stability: /' "$work/counts"
 count() { cat "$work/$1" 2>/dev/null | wc -l; }
 printf '%d parts ok, %d failed, %d skipped\n' "$(count ok)" "$(count failed)" "$(count skipped)"
 [ "$(count failed)" = 0 ]

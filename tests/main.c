@@ -79,7 +79,8 @@ int main(int argument_count, char **arguments)
         const char *name;
         const struct test_case *cases;
     } areas[] = {
-        {"truth", truth_tests},     {"oracle", oracle_tests},   {"safe", safe_tests},       {"formats", formats_tests},
+        {"truth", truth_tests},     {"oracle", oracle_tests},   {"safe", safe_tests},       {"updates", updates_tests}, {"verify", verify_tests}, {"stability", stability_tests},
+              {"formats", formats_tests},
         {"samples", samples_tests}, {"tracers", tracers_tests}, {"builds", builds_tests},
         {"inputs", inputs_tests},   {"header", header_tests},
     };

@@ -1,0 +1,183 @@
+/* conemap_update: after edits anywhere, the same bits as a full build; on errors, the map as it was. */
+#include <math.h>
+#include <string.h>
+
+#include "conemap.h"
+#include "test.h"
+#include "zoo.h"
+
+#define W 45
+#define H 37
+
+static float heights[W * H];
+
+static conemap_desc make_desc(int k)
+{
+    conemap_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = heights;
+    desc.heights.width = W;
+    desc.heights.height = H;
+    desc.wrap_u = (conemap_wrap)(k % 3);
+    desc.wrap_v = (conemap_wrap)(k / 3 % 3);
+    desc.aspect = k % 2 ? 1.0f : (float)H / (float)W;
+    desc.max_tan = k % 5 ? 4.0f : 0.0f;
+    desc.texture.format = (conemap_format)(k % CONEMAP_FORMAT_COUNT);
+    desc.texture.encoding = (conemap_encoding)(k / 4 % CONEMAP_ENCODING_COUNT);
+    desc.texture.layout = (conemap_layout)(k / 2 % CONEMAP_LAYOUT_COUNT);
+    desc.guarantee = k % 4 == 3 ? CONEMAP_GUARANTEE_VERTEX : CONEMAP_GUARANTEE_BILINEAR;
+    desc.keep_pyramid = k % 2;
+    return desc;
+}
+
+static int same_maps(const conemap_map *a, const conemap_map *b)
+{
+    int k;
+    if (a->info.height_hash != b->info.height_hash || memcmp(a->heights, b->heights, sizeof heights) ||
+        memcmp(a->cones, b->cones, sizeof heights) || a->cells.levels != b->cells.levels)
+        return 0;
+    for (k = 1; k < a->cells.levels; ++k) {
+        size_t quads = (size_t)((a->cells.width[k] + 1) / 2) * (size_t)((a->cells.height[k] + 1) / 2);
+        if (memcmp(a->cells.level[k], b->cells.level[k], quads * 4 * sizeof(float))) return 0;
+    }
+    return 1;
+}
+
+/* One edit: raises, lowers, flattens or roughens a rectangle. */
+static void edit(struct zoo_random *random, int *x, int *y, int *w, int *h)
+{
+    int how = zoo_below(random, 4), i, j;
+    float level = zoo_unit(random);
+    *w = 1 + zoo_below(random, zoo_below(random, 4) ? 6 : W);
+    *h = 1 + zoo_below(random, zoo_below(random, 4) ? 6 : H);
+    *x = zoo_below(random, W - *w + 1);
+    *y = zoo_below(random, H - *h + 1);
+    for (j = *y; j < *y + *h; ++j)
+        for (i = *x; i < *x + *w; ++i) {
+            float *at = &heights[j * W + i];
+            *at = how == 0 ? *at + (1.0f - *at) * level : how == 1 ? *at * level : how == 2 ? level : zoo_unit(random);
+        }
+}
+
+static void updates_equal_builds(void)
+{
+    static const int kinds[] = {ZOO_FBM, ZOO_SPIKES, ZOO_RAMP, ZOO_IMPULSE, ZOO_BRICKS, ZOO_WHITE, ZOO_FLAT_0};
+    struct zoo_random random = zoo_seed(5);
+    int k, n;
+    for (k = 0; k < 108; ++k) {
+        conemap_desc desc = make_desc(k);
+        conemap_map map, whole;
+        if (k % 9 == 8) desc.min3x3 = desc.guarantee == CONEMAP_GUARANTEE_VERTEX; /* these start afresh */
+        if (k % 11 == 10) desc.slack = 0.5f;
+        zoo_fill(kinds[k % 7], W, H, (uint32_t)k, heights);
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build %d", k);
+        for (n = 0; n < 4; ++n) {
+            int x, y, w, h;
+            edit(&random, &x, &y, &w, &h);
+            if (!CHECK(conemap_update(&map, &desc, x, y, w, h) == CONEMAP_OK, "update %d", k)) break;
+            REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build %d", k);
+            CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y, w, h);
+            conemap_free(&whole);
+        }
+        conemap_free(&map);
+    }
+}
+
+/* Generators without a partial way of their own are built again, in the memory that the map has. */
+static void other_generators(void)
+{
+    int g;
+    for (g = CONEMAP_EXACT; g < CONEMAP_GENERATOR_COUNT; ++g) {
+        conemap_desc desc = make_desc(0);
+        conemap_map map, whole;
+        if (g == CONEMAP_RELAXED_SAMPLED) continue; /* slow */
+        desc.generator = (conemap_generator)g;
+        desc.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+        zoo_fill(ZOO_FBM, W, H, 9, heights);
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build %d", g);
+        heights[20 * W + 20] = 1.0f;
+        heights[21 * W + 20] = 0.0f;
+        CHECK(conemap_update(&map, &desc, 20, 20, 1, 2) == CONEMAP_OK, "update %d", g);
+        REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build %d", g);
+        CHECK(same_maps(&map, &whole), "generator %d: not what a full build gives", g);
+        conemap_free(&whole);
+        conemap_free(&map);
+    }
+}
+
+static int allocations_left;
+
+static void *scarce(size_t size, void *user)
+{
+    (void)user;
+    return allocations_left-- > 0 ? test_alloc(size) : NULL;
+}
+
+static void give_back(void *memory, void *user)
+{
+    (void)user;
+    test_release(memory);
+}
+
+static void errors_leave_the_map(void)
+{
+    conemap_desc desc = make_desc(1), other;
+    conemap_map map, before, whole;
+    static float cones[W * H], old[W * H];
+    int n;
+    zoo_fill(ZOO_FBM, W, H, 1, heights);
+    desc.allocator.allocate = scarce;
+    desc.allocator.release = give_back;
+    allocations_left = 1000;
+    REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+    before = map;
+    memcpy(cones, map.cones, sizeof cones);
+    memcpy(old, map.heights, sizeof old);
+#define REFUSED(call, right)                                                                                           \
+    do {                                                                                                               \
+        conemap_result result = call;                                                                                  \
+        CHECK(result == (right), "%s: %s", #call, conemap_result_string(result));                                      \
+        CHECK(!memcmp(cones, map.cones, sizeof cones) && !memcmp(old, map.heights, sizeof old) &&                      \
+                  map.info.height_hash == before.info.height_hash,                                                     \
+              "%s changed the map", #call);                                                                            \
+    } while (0)
+    REFUSED(conemap_update(NULL, &desc, 0, 0, 1, 1), CONEMAP_ERROR_NULL);
+    REFUSED(conemap_update(&map, NULL, 0, 0, 1, 1), CONEMAP_ERROR_NULL);
+    REFUSED(conemap_update(&map, &desc, -1, 0, 1, 1), CONEMAP_ERROR_SIZE);
+    REFUSED(conemap_update(&map, &desc, 0, 0, 0, 1), CONEMAP_ERROR_SIZE);
+    REFUSED(conemap_update(&map, &desc, W, 0, 1, 1), CONEMAP_ERROR_SIZE);
+    REFUSED(conemap_update(&map, &desc, 1, 0, W, 1), CONEMAP_ERROR_SIZE);
+    REFUSED(conemap_update(&map, &desc, 0, 1, 1, H), CONEMAP_ERROR_SIZE);
+    REFUSED(conemap_update(&map, &desc, 1, 1, 2147483647, 2147483647), CONEMAP_ERROR_SIZE);
+    other = desc;
+    other.max_tan = 2.0f;
+    REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
+    other = desc;
+    other.generator = CONEMAP_QUICK;
+    other.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+    REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
+    other = desc;
+    other.heights.width = 0;
+    REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_SIZE);
+    heights[3 * W + 4] = NAN;
+    REFUSED(conemap_update(&map, &desc, 2, 2, 5, 5), CONEMAP_ERROR_HEIGHT);
+    heights[3 * W + 4] = 1.0f;
+    for (n = 0; n < 2; ++n) {
+        allocations_left = n;
+        REFUSED(conemap_update(&map, &desc, 2, 2, 5, 5), CONEMAP_ERROR_MEMORY);
+    }
+    allocations_left = 2;
+    CHECK(conemap_update(&map, &desc, 2, 2, 5, 5) == CONEMAP_OK, "two allocations are enough");
+    allocations_left = 1000;
+    REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build");
+    CHECK(same_maps(&map, &whole), "not what a full build gives");
+    conemap_free(&whole);
+    conemap_free(&map);
+}
+
+const struct test_case updates_tests[] = {
+    {"updates equal builds", updates_equal_builds},
+    {"other generators", other_generators},
+    {"errors leave the map", errors_leave_the_map},
+    {NULL, NULL},
+};
