@@ -111,6 +111,9 @@ extern "C" {
    the cone is 1 / sqrt(s), less 2^-20 of itself for the rounding of its arithmetic, where s is the maximum
    over vertices of the rounded quotient fl(dh^2 / d^2).
 
+   A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
+   reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
+
    Bits. Results are the same to the bit however the work is split into jobs, on every strict IEEE build.
 
    Threads. There is no mutable global. A finished map is read-only: any number of threads may trace it.
@@ -316,6 +319,7 @@ typedef struct conemap_map {
     const float *heights;   /* width * height, row 0 first, as a texture fetch returns them */
     const float *cones;     /* width * height, encoded, as a texture fetch returns them: see conemap_decode */
     conemap_pyramid cells;  /* maxima over bilinear cells, with keep_pyramid */
+    float highest;          /* of the heights */
     size_t memory_size;     /* bytes held */
     struct {                /* private */
         void *memory, *scratch;
@@ -339,7 +343,7 @@ typedef struct conemap_map {
 
 typedef struct conemap_ray {
     float origin[3];        /* u, v, z in the unit box's coordinates; anywhere */
-    float direction[3];     /* any length but 0; t counts in it */
+    float direction[3];     /* any length but 0; t counts in it. A component below 1e-30 of the longest counts as 0 */
     float t_min;            /* where the ray begins; 0 or more */
     float t_max;            /* where it ends; 0: no end */
 } conemap_ray;
@@ -358,7 +362,7 @@ typedef enum conemap_status {
 typedef struct conemap_hit {
     conemap_status status;
     int inside;             /* nonzero: the ray began or entered the map at or below the surface */
-    float t;                /* along the ray, in lengths of its direction */
+    float t;                /* along the ray, in lengths of its direction; infinite where a float cannot hold it */
     float u, v, z;          /* origin + t direction; u and v are not wrapped */
     float t_before, t_after;/* the bracket: above the surface before, at or below it after (equal when exact) */
     int steps;              /* iterations: cone steps, cells or blocks visited */
@@ -394,6 +398,8 @@ typedef struct conemap_trace_desc {
     int max_steps;          /* 0: LINEAR 200, LOOP 20, others as many as it takes; FIXED always takes 10 */
     float step_scale;       /* cone steps times this; 0: 1. Above 1 is [VB22] section 4.1's experiment */
     int adaptive_steps;     /* LOOP: nonzero scales max_steps by 0.5 + |horizontal direction| [Dum06] */
+    int any_hit;            /* nonzero: EXACT tells whether there is a hit, for shadows and line of sight; t is then
+                               some point of the ray that is inside, not the first */
     float tolerance;        /* FIXED, LOOP: |z - height| that counts as converged; 0: 1/256 */
 } conemap_trace_desc;
 
@@ -2360,11 +2366,16 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
     return result;
 }
 
-static uint64_t conemap__hash_heights(const conemap_map *map) {
+/* The hash of the heights, and the highest of them. */
+static uint64_t conemap__survey_heights(const conemap_map *map, float *highest) {
     size_t count = conemap__texels(map), k;
     uint64_t hash = conemap__hash(CONEMAP__HASH_START, (uint64_t)map->info.width);
     hash = conemap__hash(hash, (uint64_t)map->info.height);
-    for (k = 0; k < count; ++k) hash = conemap__hash(hash, conemap__bits(map->heights[k]));
+    *highest = 0.0f;
+    for (k = 0; k < count; ++k) {
+        hash = conemap__hash(hash, conemap__bits(map->heights[k]));
+        *highest = conemap__max(*highest, map->heights[k]);
+    }
     return hash;
 }
 
@@ -2389,7 +2400,7 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
             return result;
         }
     }
-    map->info.height_hash = conemap__hash_heights(map);
+    map->info.height_hash = conemap__survey_heights(map, &map->highest);
     conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
     map->build.scratch = NULL;
     map->build.owns_scratch = 0;
@@ -2580,7 +2591,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         work.build.wanted = wanted;
         for (pass = CONEMAP__PASS_STRIPS; pass < CONEMAP__PASS_COUNT; ++pass)
             for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
-        map->info.height_hash = conemap__hash_heights(map);
+        map->info.height_hash = conemap__survey_heights(map, &map->highest);
     }
     if (wanted) conemap__release(&settings.allocator, wanted, 1);
     conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
@@ -2860,7 +2871,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     map->info = info;
     if (result == CONEMAP_OK && given) result = conemap__decode_rows(map, &load.heights, 0, info.height);
     if (result == CONEMAP_OK) result = conemap__load_texels(map, texels, !given);
-    if (result == CONEMAP_OK && conemap__hash_heights(map) != info.height_hash)
+    if (result == CONEMAP_OK && conemap__survey_heights(map, &map->highest) != info.height_hash)
         result = given ? CONEMAP_ERROR_HASH : CONEMAP_ERROR_FILE_CORRUPT;
     if (result != CONEMAP_OK) {
         conemap_free(map);
@@ -3827,7 +3838,7 @@ static void conemap__trace_exact(const conemap_map *map, const conemap_trace_des
         /* A rising ray is lowest where it enters, a falling one where it leaves. */
         if (z <= top || z_end <= top) {
             t = conemap__walk_hit(walk, h, end);
-            if (t == 0.0 && cone_t < walk->t && walk_until < walk->t) {
+            if (t == 0.0 && cone_t < walk->t && walk_until < walk->t && !desc->any_hit) {
                 walk_until = walk->t;
                 walk->t = cone_t;
                 walk->i = cone_i;
@@ -3840,7 +3851,7 @@ static void conemap__trace_exact(const conemap_map *map, const conemap_trace_des
                 return;
             }
         }
-        if (end >= walk->t_end) break;
+        if (end >= walk->t_end || (walk->vz >= 0.0 && z > (double)map->highest)) break;
         if (desc->max_steps && steps >= desc->max_steps) {
             conemap__finish(walk, CONEMAP_STEP_CAP, walk->t, walk->t, walk->t, steps, hit);
             return;

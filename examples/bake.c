@@ -9,13 +9,16 @@ static void print_help(void) {
          "  -o FILE.cone            baked bytes for conemap_load\n"
          "  --raw FILE              the bare texture as well, or instead, for an upload as it is\n"
          "  --pitch BYTES           of the bare texture: bytes from row to row (rows touch)\n"
-         "  --info FILE.cone        tell what is in a baked file, and do nothing else");
+         "  --info FILE.cone        tell what is in a baked file, and do nothing else\n"
+         "  --verify                prove that no interpolated cone cuts the surface, and fail if one does;\n"
+         "                          with a .cone file as INPUT (and --heights if it has none), nothing else");
     print_input_help();
     print_build_help();
     puts("Examples\n"
          "  bake jacksboro_403x344_16bit.pgm -o jacksboro.cone --generator ring --aspect square\n"
          "  bake --procedural bricks 1024 --wrap wrap --format unorm16 --encoding sqrt -o bricks.cone\n"
          "  bake terrain.r16 --layout cone --format unorm8 --raw terrain.bin --pitch 256\n"
+         "  bake --verify jacksboro.cone\n"
          "  bake --info jacksboro.cone");
 }
 
@@ -86,12 +89,28 @@ static int write_raw(const conemap_map *map, const char *path, size_t pitch, siz
     return good;
 }
 
+/* Prints what the verifier found; true if the map is safe. */
+static int verify(const conemap_map *map) {
+    conemap_report report;
+    conemap_result result = conemap_verify(&map->info, map->heights, map->cones, NULL, &report);
+    if (result != CONEMAP_OK) return fail_result("verify", result);
+    printf("%zu of %zu cells have a cone that cuts the surface, %zu are unproven", report.unsafe, report.cells,
+           report.unproven);
+    if (report.unsafe)
+        printf("; the deepest by %.3g of the height, over u %.5f v %.5f", report.worst, (double)report.u,
+               (double)report.v);
+    puts("");
+    if (report.unsafe || report.unproven) return fail("the cones are not proven safe for bilinear sampling");
+    return 1;
+}
+
 int main(int argc, char **argv) {
     program_name = "bake";
     struct args args = {argc, 0, argv, "", 0};
     struct map_options options = {0};
     const char *out = NULL, *raw = NULL, *info = NULL;
     size_t pitch = 0;
+    int verifies = 0;
     options.seed = 1;
     while (next_arg(&args)) {
         if (arg_is(&args, "--help") || arg_is(&args, "-h")) return print_help(), 0;
@@ -99,6 +118,7 @@ int main(int argc, char **argv) {
         else if (arg_is(&args, "--raw")) raw = arg_text(&args);
         else if (arg_is(&args, "--pitch")) pitch = (size_t)arg_int(&args, 1, INT_MAX);
         else if (arg_is(&args, "--info")) info = arg_text(&args);
+        else if (arg_is(&args, "--verify")) verifies = 1;
         else if (arg_is(&args, "--depth")) options.desc.heights.is_depth = 1; /* short for --depth-map */
         else if (!map_option(&args, &options)) arg_unknown(&args);
     }
@@ -106,9 +126,9 @@ int main(int argc, char **argv) {
     if (info) return print_info(info) ? 0 : 1;
     if (!options.input && !options.procedural)
         return fail("no input: name a file, or --procedural; see --help"), 1;
-    if (options.input && has_extension(options.input, ".cone"))
+    if (options.input && has_extension(options.input, ".cone") && !verifies)
         return fail("%s is baked already; --info tells what is in it", options.input), 1;
-    if (!out && !raw) return fail("nowhere to write: give -o OUT.cone or --raw OUT.bin"), 1;
+    if (!out && !raw && !verifies) return fail("nowhere to write: give -o OUT.cone or --raw OUT.bin"), 1;
     if (pitch && !raw) return fail("--pitch is for the bare texture: give --raw OUT.bin"), 1;
 
     conemap_map map;
@@ -123,8 +143,9 @@ int main(int argc, char **argv) {
                map.info.height, name_of(generator_names, (int)map.info.generator),
                map.info.min3x3 ? " min3x3" : "", name_of(layout_names, (int)texture->layout),
                name_of(format_names, (int)texture->format), name_of(encoding_names, (int)texture->encoding),
-               mean_tan(&map), out ? size : raw_size, took);
+               mean_tan(&map), out ? size : raw ? raw_size : conemap_save_size(&map), took);
         if (out) puts(out);
+        if (verifies) good = verify(&map);
         if (raw) {
             conemap_format_numbers numbers;
             puts(raw);

@@ -45,7 +45,7 @@ head -c 9 $map >"$dir/cut-header.pgm"
 echo "this is not a picture" >"$dir/wrong.pgm"
 printf 'P5 99999999 99999999 255\n' >"$dir/huge.pgm"
 printf 'Pf 2 2 -1.0\n\000\000\300\177\000\000\300\177\000\000\300\177\000\000\300\177' >"$dir/nan.pfm"
-works build/bake $map -o "$dir/good.cone" --generator quick
+works build/bake $map -o "$dir/good.cone"
 head -c 5000 "$dir/good.cone" >"$dir/cut.cone"
 { head -c 5000 "$dir/good.cone"; printf 'X'; tail -c +5002 "$dir/good.cone"; } >"$dir/damaged.cone"
 for bad in empty.pgm cut.pgm cut-header.pgm wrong.pgm huge.pgm nan.pfm; do refuses build/bake "$dir/$bad" -o "$dir/x.cone"; done
@@ -62,6 +62,9 @@ refuses build/bake $map -o "$dir/x.cone" --max-tan -1
 # Every generator, format, encoding and layout can be asked for, and what is baked renders.
 printf 'P2 4 3 9\n0 1 2 3\n4 5 6 7\n8 9 0 1\n' >"$dir/tiny.pgm"
 works build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee vertex --slack 0.5
+works build/bake --verify "$dir/good.cone"
+works build/bake --verify "$dir/tiny.pgm" -o "$dir/t.cone" --format unorm8
+refuses build/bake --verify $map -o "$dir/t.cone" --guarantee vertex
 refuses build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee bilinear --generator ring
 for generator in exact ring quick quick-naive quick-center quick-naive-center relaxed relaxed-sampled hybrid; do
     works build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --generator $generator --min3x3

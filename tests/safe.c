@@ -371,6 +371,72 @@ static void relaxed_counterexample(void)
     CHECK(paper > 2.0f * ours, "the paper's cone is %g, ours %g", (double)paper, (double)ours);
 }
 
+/* ---- the exact tracer on relaxed maps, and any hit ---- */
+
+static conemap_ray random_ray(struct zoo_random *random)
+{
+    conemap_ray ray;
+    int k;
+    memset(&ray, 0, sizeof ray);
+    for (k = 0; k < 3; ++k) {
+        ray.origin[k] = zoo_between(random, k < 2 ? -0.2f : 0.0f, 1.2f);
+        ray.direction[k] = zoo_between(random, -1.0f, 1.0f);
+    }
+    if (zoo_below(random, 8) == 0) ray.direction[2] = 0.0f;
+    return ray;
+}
+
+/* Rising and level rays must not step by relaxed cones, and say that they did not; all hits are those over safe cones, and
+   any hit is one exactly where there is a first one. */
+static void relaxed_maps_and_any_hit(void)
+{
+    static const int kinds[] = {ZOO_FBM, ZOO_SPIKES, ZOO_BRICKS, ZOO_SADDLE};
+    static float heights[48 * 40];
+    struct zoo_random random = zoo_seed(12);
+    int kind, n, fallbacks = 0, hits = 0;
+    for (kind = 0; kind < 4; ++kind) {
+        conemap_desc desc;
+        conemap_map safe, relaxed, vertex;
+        zoo_fill(kinds[kind], 48, 40, 2, heights);
+        memset(&desc, 0, sizeof desc);
+        desc.heights.pixels = heights;
+        desc.heights.width = 48;
+        desc.heights.height = 40;
+        REQUIRE(conemap_build(&desc, &safe) == CONEMAP_OK, "build");
+        desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+        REQUIRE(conemap_build(&desc, &vertex) == CONEMAP_OK, "build");
+        desc.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+        desc.generator = CONEMAP_RELAXED_EXACT;
+        REQUIRE(conemap_build(&desc, &relaxed) == CONEMAP_OK, "build");
+        CHECK(relaxed.info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR, "guarantee %d", (int)relaxed.info.guarantee);
+        for (n = 0; n < 4000; ++n) {
+            const conemap_ray ray = random_ray(&random);
+            conemap_trace_desc any;
+            conemap_hit a, b, c, d;
+            memset(&any, 0, sizeof any);
+            any.any_hit = 1;
+            CHECK(conemap_trace(&safe, NULL, &ray, &a, 1) == CONEMAP_OK, "trace");
+            CHECK(conemap_trace(&relaxed, NULL, &ray, &b, 1) == CONEMAP_OK, "trace");
+            CHECK(conemap_trace(&safe, &any, &ray, &c, 1) == CONEMAP_OK, "trace");
+            CHECK(conemap_trace(&vertex, &any, &ray, &d, 1) == CONEMAP_OK, "trace");
+            CHECK(a.status == b.status && fabsf(a.t - b.t) < 1e-4f, "relaxed: status %d at %g, right %d at %g", (int)b.status,
+                  (double)b.t, (int)a.status, (double)a.t);
+            CHECK(a.status == c.status, "any hit: status %d, right %d", (int)c.status, (int)a.status);
+            CHECK(d.status != CONEMAP_HIT || a.status == CONEMAP_HIT, "any hit where there is none");
+            if (b.steps > 0)
+                CHECK(!b.fallback == (ray.direction[2] < 0.0f), "fallback %d, direction %g", b.fallback,
+                      (double)ray.direction[2]);
+            CHECK(!a.fallback && !c.fallback, "a fallback on a safe map");
+            fallbacks += b.fallback;
+            hits += a.status == CONEMAP_HIT;
+        }
+        conemap_free(&safe);
+        conemap_free(&relaxed);
+        conemap_free(&vertex);
+    }
+    CHECK(fallbacks > 1000 && hits > 1000, "%d fallbacks, %d hits", fallbacks, hits);
+}
+
 /* Bands meet at rows 16, 32, ...: cones there must be what they are in the middle of a band. */
 static void bands_do_not_show(void)
 {
@@ -405,5 +471,6 @@ const struct test_case safe_tests[] = {
     {"relaxed search is ring search", relaxed_search_is_ring_search},
     {"relaxed steps pass the surface once", relaxed_steps_pass_the_surface_once},
     {"relaxed counterexample", relaxed_counterexample},
+    {"relaxed maps and any hit", relaxed_maps_and_any_hit},
     {NULL, NULL},
 };
