@@ -138,7 +138,7 @@ extern "C" {
     X(CONEMAP_ERROR_STRIDE, "a row or pixel stride is smaller than what it must step over")                \
     X(CONEMAP_ERROR_ENUM, "an enum field holds no known value")                                            \
     X(CONEMAP_ERROR_PARAMETER, "a numeric field is NaN or out of its range")                               \
-    X(CONEMAP_ERROR_UNSUPPORTED, "this generator cannot give that guarantee")                              \
+    X(CONEMAP_ERROR_UNSUPPORTED, "these settings do not go together: see the fields' comments")             \
     X(CONEMAP_ERROR_HEIGHT, "a height is NaN, infinite or outside 0..1")                                   \
     X(CONEMAP_ERROR_MEMORY, "memory could not be allocated")                                               \
     X(CONEMAP_ERROR_BUFFER, "a buffer handed in is too small")                                             \
@@ -246,6 +246,8 @@ typedef struct conemap_texture {
     conemap_encoding encoding;
     conemap_layout layout;
     int flip_dv;            /* CONEMAP_DUMMER: nonzero negates dh/dv, for v pointing up */
+    int per_cell;           /* nonzero: one cone for each bilinear cell, wider and fetched without filtering: texel
+                               floor(uv * size - 0.5), clamped or wrapped. For the bilinear guarantee; not with RADIUS */
 } conemap_texture;
 
 /* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
@@ -500,7 +502,8 @@ CONEMAP_API conemap_result conemap_get_format_numbers(const conemap_texture *tex
    S A M P L I N G
    ====================================================================================================== */
 
-/* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does.
+/* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does; with
+   per_cell the cell's own.
    On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
    CONEMAP_NOTHING. Errors: NULL, POSITION. */
 CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
@@ -1397,6 +1400,7 @@ static float conemap__narrowest(const conemap_map *map, const float *cones, int 
       given to the 3x3 of u; nearer, it bounds that very patch by halving, given to the 3x3 of u, or to P's corners if it is P
       that is seen from v. Where D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs looks at
       every patch. What a search from u prunes is at most what the 3x3 of u has already.
+      With a cone for each cell, what was given to texels is given to P itself, or to the cells at u: a part of the 3x3.
    6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty. Storing
       sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to less.
    7. Outside the outermost centres (CLAMP): projecting p and q onto the rectangle of centres keeps heights and t(p)
@@ -1416,6 +1420,7 @@ static float conemap__narrowest(const conemap_map *map, const float *cones, int 
 typedef struct conemap__band {
     const conemap_map *map;
     int y0, y1;
+    int reach;                  /* what vertex (i, j) finds concerns (i - 1..i + reach, ...): 1 for texels, 0 for cells */
     float a, b, deflate;        /* texel size; V */
     int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
     float *rows[CONEMAP__BAND + 2];
@@ -1574,9 +1579,9 @@ static int conemap__outdone(const conemap__band *band, int i, int j, int k, int 
 
 /* The cells of u as one of them, (i, j), is seen from vertex v: concerns the cell's own corners. */
 static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj) {
-    float least = conemap__least(band, i, i + 1, j, j + 1);
+    float least = conemap__least(band, i, i + band->reach, j, j + band->reach);
     float slope2 = conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least);
-    if (slope2 > least) conemap__raise(band, band->rows, i, i + 1, j, j + 1, slope2);
+    if (slope2 > least) conemap__raise(band, band->rows, i, i + band->reach, j, j + band->reach, slope2);
 }
 
 /* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. */
@@ -1626,8 +1631,8 @@ static float conemap__close_pairs(const conemap__band *band, int i, int j, float
 
 /* Everything that vertex (i, j) sees and that is steeper than what its 3x3 texels have already. */
 static void conemap__safe_vertex(const conemap__band *band, int i, int j, conemap__search *search) {
-    float least = conemap__least(band, i - 1, i + 1, j - 1, j + 1), best = least;
-    int k;
+    int k, r = band->reach;
+    float least = conemap__least(band, i - 1, i + r, j - 1, j + r), best = least;
     for (k = 0; k < 4; ++k) {
         int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
         if (conemap__cell_exists(band->map, conemap__mini(i, i + si), conemap__mini(j, j + sj)))
@@ -1635,8 +1640,8 @@ static void conemap__safe_vertex(const conemap__band *band, int i, int j, conema
     }
     if (band->close_u || band->close_v) best = conemap__close_pairs(band, i, j, best);
     best = conemap__exact(band->map, search, i, j, best);
-    if (best > least) conemap__raise(band, band->rows, i - 1, i + 1, j - 1, j + 1, best);
-    if (search->folded > best) conemap__raise(band, band->folds, i - 1, i + 1, j - 1, j + 1, search->folded);
+    if (best > least) conemap__raise(band, band->rows, i - 1, i + r, j - 1, j + r, best);
+    if (search->folded > best) conemap__raise(band, band->folds, i - 1, i + r, j - 1, j + r, search->folded);
 }
 
 /* ---- relaxed cones that hold for the bilinear surface -----------------------------------------------------------
@@ -1889,10 +1894,10 @@ static int conemap__is_bilinear(const conemap_info *info) {
     return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
 }
 
-/* Correction needs the cones of neighbours as they were, an update those that it leaves alone; otherwise they are worked
-   on in place. */
+/* Correction and cells at a border need their neighbours as they were, an update the cones that it leaves alone;
+   otherwise they are worked on in place. */
 static int conemap__needs_plane(const conemap_map *map) {
-    return map->build.updating || (map->info.min3x3 && !conemap__is_bilinear(&map->info));
+    return map->build.updating || map->info.texture.per_cell || (map->info.min3x3 && !conemap__is_bilinear(&map->info));
 }
 
 /* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
@@ -1965,6 +1970,9 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     if (desc->guarantee == CONEMAP_GUARANTEE_NONE || desc->guarantee >= CONEMAP_GUARANTEE_RELAXED ||
         (desc->guarantee != CONEMAP_GUARANTEE_DEFAULT && desc->generator != CONEMAP_EXACT &&
          desc->guarantee != conemap__guarantee_of(desc)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if (desc->texture.per_cell &&
+        (desc->guarantee != CONEMAP_GUARANTEE_BILINEAR || desc->texture.encoding == CONEMAP_RADIUS))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
@@ -2068,7 +2076,8 @@ static int conemap__same_settings(const conemap_info *a, const conemap_info *b) 
     return a->width == b->width && a->height == b->height && a->wrap_u == b->wrap_u && a->wrap_v == b->wrap_v &&
            conemap__bits(a->aspect) == conemap__bits(b->aspect) && conemap__bits(a->max_tan) == conemap__bits(b->max_tan) &&
            a->texture.format == b->texture.format && a->texture.encoding == b->texture.encoding &&
-           a->texture.layout == b->texture.layout && a->generator == b->generator && a->guarantee == b->guarantee &&
+           a->texture.layout == b->texture.layout && !a->texture.per_cell == !b->texture.per_cell &&
+           a->generator == b->generator && a->guarantee == b->guarantee &&
            a->min3x3 == b->min3x3;
 }
 
@@ -2230,6 +2239,7 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
     float a = map->build.search_u, b = map->build.search_v;
     memset(&band, 0, sizeof band);
     band.map = map;
+    band.reach = !map->info.texture.per_cell;
     band.y0 = job * CONEMAP__BAND;
     band.y1 = conemap__mini(band.y0 + CONEMAP__BAND, map->info.height);
     band.a = a;
@@ -2265,7 +2275,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     for (y = band.y0 - 1; y < band.y1; ++y) /* cells that touch the band */
         for (x = map->info.wrap_u == CONEMAP_WRAP ? -1 : 0; x < w; ++x)
             if (conemap__cell_exists(map, x, y))
-                conemap__raise(&band, band.rows, x, x + 1, y, y + 1,
+                conemap__raise(&band, band.rows, x, x + band.reach, y, y + band.reach,
                                relaxed ? conemap__relaxed_own(&band, x, y) : conemap__own_slope2(&band, x, y));
     for (y = band.y0; y < band.y1; ++y)
         for (x = 0; x < w; ++x) {
@@ -2302,7 +2312,12 @@ static float conemap__merged_slope2(const conemap_map *map, const float *plane, 
 
 /* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
 static float conemap__safe_tangent(const conemap_map *map, int i, int j) {
-    float slope2 = conemap__merged_slope2(map, map->build.plane, map->build.rims, i, j);
+    float slope2;
+    if (map->info.texture.per_cell) { /* there is one cell less than texels: what lies beyond projects onto the last */
+        if (map->info.wrap_u != CONEMAP_WRAP) i = conemap__mini(i, conemap__maxi(map->info.width - 2, 0));
+        if (map->info.wrap_v != CONEMAP_WRAP) j = conemap__mini(j, conemap__maxi(map->info.height - 2, 0));
+    }
+    slope2 = conemap__merged_slope2(map, map->build.plane, map->build.rims, i, j);
     if (map->build.folds)
         slope2 = conemap__max(slope2, conemap__merged_slope2(map, map->build.folds,
                                                              map->build.folds + conemap__texels(map), i, j));
@@ -2746,7 +2761,8 @@ CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, si
     words[12] = (uint32_t)info->generator;
     words[13] = (uint32_t)info->guarantee;
     words[14] = info->min3x3 != 0;
-    words[15] = words[16] = 0;
+    words[15] = info->texture.per_cell != 0;
+    words[16] = 0;
     words[17] = (uint32_t)(info->height_hash & 0xffffffffu);
     words[18] = (uint32_t)(info->height_hash >> 32);
     words[19] = (uint32_t)(data_hash & 0xffffffffu);
@@ -2781,7 +2797,7 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
         words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
         words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
         words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 || words[13] >= CONEMAP_GUARANTEE_COUNT ||
-        words[14] > 1)
+        words[14] > 1 || words[15] > 1 || words[16] != 0)
         return CONEMAP_ERROR_FILE_CORRUPT;
     memset(&read, 0, sizeof read);
     read.width = (int)words[2];
@@ -2794,6 +2810,7 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     read.texture.encoding = (conemap_encoding)words[9];
     read.texture.layout = (conemap_layout)words[10];
     read.texture.flip_dv = (int)words[11];
+    read.texture.per_cell = (int)words[15];
     read.generator = (conemap_generator)words[12];
     read.guarantee = (conemap_guarantee)words[13];
     read.min3x3 = (int)words[14];
@@ -2926,9 +2943,10 @@ typedef struct conemap__mix {
 
 CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, conemap__quad quad, float x, float y) {
     conemap__mix mix;
+    float cone = map->info.texture.per_cell ? map->cones[quad.at00]
+                                            : conemap__bilinear(conemap__gather(map->cones, quad), x, y);
     mix.height = conemap__bilinear(conemap__gather(map->heights, quad), x, y);
-    mix.tangent = conemap__decode_tan(&map->info, mix.height,
-                                      conemap__bilinear(conemap__gather(map->cones, quad), x, y));
+    mix.tangent = conemap__decode_tan(&map->info, mix.height, cone);
     return mix;
 }
 
@@ -3070,6 +3088,7 @@ static void conemap__whole_patch(const conemap__proof *proof, int i, int j, int 
     patch->h[2] = (double)c.h01;
     patch->h[3] = (double)c.h11;
     if (!apices) return;
+    if (map->info.texture.per_cell) quad.at10 = quad.at01 = quad.at11 = quad.at00;
     c = conemap__gather(map->cones, quad);
     patch->stored[0] = (double)c.h00;
     patch->stored[1] = (double)c.h10;

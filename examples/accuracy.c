@@ -12,7 +12,7 @@ struct method {
     const char *name;
     conemap_tracer tracer;
     conemap_refinement refinement;
-    int max_steps, cones; /* cones: 0 vertex, 1 corrected, 2 safe */
+    int max_steps, cones; /* cones: 0 vertex, 1 corrected, 2 safe, 3 safe for each cell */
     double seconds[ROUNDS], missed, unconverged, steps;
 };
 
@@ -28,6 +28,7 @@ static struct method methods[] = {
     {"exact", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
     {"exact, 3x3", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1, {0}, 0, 0, 0},
     {"exact, safe", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2, {0}, 0, 0, 0},
+    {"exact, safe cells", CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 3, {0}, 0, 0, 0},
     {"qdm", CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
     {"maxmip", CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0, {0}, 0, 0, 0},
 };
@@ -77,19 +78,20 @@ static int is_miss(const struct truth_map *map, const conemap_ray *ray, const co
 }
 
 static int measure(const char *name, const struct image *image, FILE *csv, struct progress *progress, double part) {
-    conemap_map maps[3];
+    conemap_map maps[4];
     struct truth_map truth = {image->width, image->height, 0, 0, NULL};
     double fastest = 1e30;
-    for (int k = 0; k < 3; ++k) {
+    for (int k = 0; k < 4; ++k) {
         conemap_desc desc;
         memset(&desc, 0, sizeof desc);
         desc.heights.pixels = image->pixels;
         desc.heights.format = image->format;
         desc.heights.width = image->width;
         desc.heights.height = image->height;
-        desc.guarantee = k == 2 ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+        desc.guarantee = k >= 2 ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
         desc.keep_pyramid = 1;
         desc.min3x3 = k == 1;
+        desc.texture.per_cell = k == 3;
         conemap_result result = conemap_build(&desc, &maps[k]);
         if (result != CONEMAP_OK) return fail_result(name, result);
     }
@@ -135,6 +137,7 @@ static int measure(const char *name, const struct image *image, FILE *csv, struc
     conemap_free(&maps[0]);
     conemap_free(&maps[1]);
     conemap_free(&maps[2]);
+    conemap_free(&maps[3]);
     return 1;
 }
 

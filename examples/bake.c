@@ -40,8 +40,8 @@ static int print_info(const char *path) {
            info.min3x3 ? " with min3x3" : "", name_of(guarantee_names, (int)info.guarantee));
     printf("cones      up to tan %g, stored %s\n", (double)info.max_tan,
            name_of(encoding_names, (int)info.texture.encoding));
-    printf("texture    %s, %s\n", name_of(layout_names, (int)info.texture.layout),
-           name_of(format_names, (int)info.texture.format));
+    printf("texture    %s, %s%s\n", name_of(layout_names, (int)info.texture.layout),
+           name_of(format_names, (int)info.texture.format), info.texture.per_cell ? ", a cone for each cell" : "");
     printf("heights    hash %08lx%08lx\n", (unsigned long)(info.height_hash >> 32),
            (unsigned long)(info.height_hash & 0xffffffffu));
     conemap_map map;

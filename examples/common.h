@@ -873,7 +873,8 @@ static EXAMPLE_UNUSED void print_build_help(void) {
          "Texture\n"
          "  --format NAME           f32 (default), f16, unorm16, unorm8\n"
          "  --encoding NAME         linear (default), sqrt, radius\n"
-         "  --layout NAME           height-cone (default), cone, dummer");
+         "  --layout NAME           height-cone (default), cone, dummer\n"
+         "  --per-cell              one cone for each bilinear cell, to be fetched without filtering");
 }
 
 /* Takes the current argument if it is about the input or the build. */
@@ -903,6 +904,7 @@ static EXAMPLE_UNUSED int map_option(struct args *args, struct map_options *o) {
         if (arg_is(args, "--generator")) desc->generator = (conemap_generator)arg_name(args, generator_names);
         else if (arg_is(args, "--guarantee"))
             desc->guarantee = (conemap_guarantee)arg_name(args, guarantee_names);
+        else if (arg_is(args, "--per-cell")) desc->texture.per_cell = 1;
         else if (arg_is(args, "--slack")) desc->slack = arg_float(args, 0.0, 16.0);
         else if (arg_is(args, "--min3x3")) desc->min3x3 = 1;
         else if (arg_is(args, "--wrap"))

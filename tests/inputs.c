@@ -140,6 +140,10 @@ static void descs(void)
     REFUSE(desc.hybrid_weight = -0.1f; desc.generator = CONEMAP_HYBRID, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.hybrid_weight = 1.1f; desc.generator = CONEMAP_HYBRID, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.hybrid_weight = 1.0f; desc.generator = CONEMAP_HYBRID, CONEMAP_OK);
+    REFUSE(desc.texture.per_cell = 1, CONEMAP_OK);
+    REFUSE(desc.texture.per_cell = 1; desc.guarantee = CONEMAP_GUARANTEE_VERTEX, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.texture.per_cell = 1; desc.generator = CONEMAP_QUICK, CONEMAP_ERROR_UNSUPPORTED);
+    REFUSE(desc.texture.per_cell = 1; desc.texture.encoding = CONEMAP_RADIUS, CONEMAP_ERROR_UNSUPPORTED);
     REFUSE(desc.slack = nan, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.slack = -0.1f, CONEMAP_ERROR_PARAMETER);
     REFUSE(desc.slack = 17.0f, CONEMAP_ERROR_PARAMETER);

@@ -14,6 +14,7 @@
 struct relief {
     int kind, width, height;
     conemap_wrap wrap_u, wrap_v;
+    int per_cell;
     float aspect;
     float heights[MOST], cones[MOST];
 };
@@ -39,6 +40,7 @@ static conemap_result build_with(struct relief *r, conemap_generator generator, 
     desc.wrap_u = r->wrap_u;
     desc.wrap_v = r->wrap_v;
     desc.aspect = r->aspect;
+    desc.texture.per_cell = r->per_cell;
     desc.generator = generator;
     desc.guarantee = guarantee;
     desc.slack = slack;
@@ -98,6 +100,7 @@ static double worst_ratio(const struct relief *r, double widen)
             double h[4], t[4];
             corners(r, r->heights, i, j, h);
             corners(r, r->cones, i, j, t);
+            if (r->per_cell) t[1] = t[2] = t[3] = t[0];
             for (p = 0; p < 4; ++p) {
                 double gx = (p & 2 ? h[3] - h[2] : h[1] - h[0]) / a, gy = (p & 1 ? h[3] - h[1] : h[2] - h[0]) / b;
                 /* within d of the apex the cone may touch: only gradients that outgrow it count */
@@ -169,6 +172,38 @@ static void interpolated_cones_are_empty(void)
     CHECK(touching > reliefs / 2, "only %d of %d maps have a cone that nearly touches", touching, reliefs);
     CHECK(widened_caught > 0, "nothing is caught when cones are widened by 1 %%");
     test_note("safe cones nearly touch in %d of %d maps, 1 %% wider ones cut in %d", touching, reliefs, widened_caught);
+}
+
+/* One cone for each cell: as safe, and wider than what its corners would have had to share. */
+static void visit_cells(struct relief *r)
+{
+    static float shared[MOST];
+    double worst;
+    int k;
+    if (build(r, CONEMAP_GUARANTEE_BILINEAR, 0.0f, 16.0f) != CONEMAP_OK) return;
+    memcpy(shared, r->cones, sizeof shared);
+    r->per_cell = 1;
+    if (build(r, CONEMAP_GUARANTEE_BILINEAR, 0.0f, 16.0f) == CONEMAP_OK) {
+        worst = worst_ratio(r, 1.0);
+        CHECK(worst <= 1.0 + 1e-9, "%s: a cell's cone reaches %.9g of the way", describe(r), worst);
+        ++reliefs;
+        if (worst * 1.01 > 1.0) ++widened_caught;
+        for (k = 0; k < r->width * r->height; ++k) {
+            if (!CHECK(r->cones[k] >= shared[k], "%s texel %d: %.9g is narrower than %.9g", describe(r), k,
+                       (double)r->cones[k], (double)shared[k]))
+                break;
+            if (r->cones[k] > shared[k]) ++touching;
+        }
+    }
+    r->per_cell = 0;
+}
+
+static void cells_cones_are_empty(void)
+{
+    reliefs = touching = widened_caught = 0;
+    for_zoo(small_sizes, 6, visit_cells);
+    CHECK(touching > 1000 && widened_caught > reliefs / 4, "%d wider cones, %d of %d maps tight", touching, widened_caught,
+          reliefs);
 }
 
 /* The same judge finds what vertex cones do, also after the 3x3 minimum [BV24 eq. 2]. */
@@ -464,6 +499,7 @@ static void bands_do_not_show(void)
 
 const struct test_case safe_tests[] = {
     {"interpolated cones are empty", interpolated_cones_are_empty},
+    {"cells' cones are empty", cells_cones_are_empty},
     {"vertex cones are not", vertex_cones_are_not_empty},
     {"long texels", long_texels},
     {"slack is bounded", slack_is_bounded},

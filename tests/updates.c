@@ -69,6 +69,8 @@ static void updates_equal_builds(void)
         conemap_map map, whole;
         if (k % 9 == 8) desc.min3x3 = desc.guarantee == CONEMAP_GUARANTEE_VERTEX; /* these start afresh */
         if (k % 11 == 10) desc.slack = 0.5f;
+        desc.texture.per_cell = k % 3 == 1 && desc.guarantee == CONEMAP_GUARANTEE_BILINEAR &&
+                                desc.texture.encoding != CONEMAP_RADIUS;
         zoo_fill(kinds[k % 7], W, H, (uint32_t)k, heights);
         REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build %d", k);
         for (n = 0; n < 4; ++n) {

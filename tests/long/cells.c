@@ -48,6 +48,7 @@ int main(int argc, char **argv)
         desc.slack = n % 7 == 6 ? 0.25f : 0.0f;
         desc.texture.format = (conemap_format)(n / 3 % CONEMAP_FORMAT_COUNT);
         desc.texture.encoding = (conemap_encoding)(n / 5 % CONEMAP_ENCODING_COUNT);
+        desc.texture.per_cell = n % 5 == 4 && desc.texture.encoding != CONEMAP_RADIUS;
         if (conemap_build(&desc, &map) != CONEMAP_OK || conemap_verify(&map.info, map.heights, map.cones, NULL, &report)) {
             printf("map %d: cannot be built or verified\n", n);
             return 1;
