@@ -3025,8 +3025,8 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
    d, and witnesses need 2^-40 more.
    ====================================================================================================== */
 
-#define CONEMAP__VERIFY_DEPTH 52       /* halvings of a pair of cells, four sides together */
-#define CONEMAP__VERIFY_WORK (1 << 17) /* pairs of rectangles looked at in one pass over a cell */
+#define CONEMAP__VERIFY_DEPTH 64       /* halvings of a pair of cells, four sides together */
+#define CONEMAP__VERIFY_WORK (1 << 19) /* pairs of rectangles looked at in one pass over a cell */
 #define CONEMAP__VERIFY_APEX (1.0 / 1048576.0)
 #define CONEMAP__VERIFY_GRAIN (1.0 / 1099511627776.0)
 
