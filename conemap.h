@@ -1,6 +1,6 @@
 /* conemap.h - relief from heightmaps through cone maps, in one header. C99 and C++11, no dependencies.
 
-   Hand it a heightmap; it builds a cone map (for every texel the widest empty cone standing on it, [Dum06]),
+   Hand it a heightmap; it builds a cone map (on every texel an empty cone, [Dum06], by default safe to interpolate),
    writes it as a texture, and traces rays through the relief on the CPU: picking, line of sight, baking.
 
    In ONE source file:                          Everywhere else:
@@ -31,7 +31,7 @@
        C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
        R E S U L T S               the one result enum
        D E S C R I P T I O N S     heights, texture, build and trace settings; the map, rays and hits
-       B U I L D I N G             conemap_build; memory; progress; jobs for a host's own threads
+       B U I L D I N G             conemap_build; memory; updates; progress; jobs for a host's own threads
        T E X T U R E S             upload, bake to bytes, load, format numbers
        S A M P L I N G             height, cone and normal at a point
        V E R I F Y I N G           proof that interpolated cones are empty
@@ -42,7 +42,7 @@
        P Y R A M I D               maxima over blocks, any size
        G E N E R A T I O N         ring search, exact, quick, relaxed, correction
        S A F E   C O N E S         for the bilinear surface, with the proof; relaxed cones that are safe
-       B U I L D   P A S S E S     validation, memory plan, jobs
+       B U I L D   P A S S E S     validation, memory plan, jobs, updates
        F I L E S                   texture and baked bytes
        S A M P L E R S             bilinear cells
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
@@ -102,14 +102,16 @@ extern "C" {
        CONEMAP_NOTHING  the surface ends at the outermost centres; the outer half texel is empty.
    An axis of a single texel is constant along its length; NOTHING there is treated as CLAMP.
 
-   A cone stands on the surface, point down, and holds no vertex of the surface. It is kept as the tangent of
+   A cone stands on the surface, point down. What it holds nothing of is the map's guarantee (conemap_guarantee): by
+   default the bilinear surface, with VERTEX the other texels' vertices. It is kept as the tangent of
    its half angle, horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are
    sqrt(du^2 + (aspect dv)^2): aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
 
    Cones are built from the heights as the texture will hold them (decoded and quantised) and rounded down,
-   so a stored cone is never wider than the computed one, which itself is never wider than the true one:
-   the cone is 1 / sqrt(s), less 2^-20 of itself for the rounding of its arithmetic, where s is the maximum
-   over vertices of the rounded quotient fl(dh^2 / d^2).
+   so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones are
+   1 / sqrt(s), less 2^-20 of themselves for the rounding of their arithmetic, where s is the maximum over vertices of the
+   rounded quotient fl(dh^2 / d^2). Bilinear cones come from bounds at most 5.4 % above the true supremum, less 2^-16 (see
+   SAFE CONES). max_tan caps all of them.
 
    A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
    reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
@@ -201,9 +203,9 @@ typedef enum conemap_layout { /* the channels of a texel */
 
 typedef enum conemap_generator {
     CONEMAP_GENERATE_DEFAULT = 0,    /* CONEMAP_EXACT */
-    CONEMAP_EXACT,                   /* the widest cones of either guarantee, by branch and bound over a max
-                                        pyramid; with slack, faster and a little narrower */
-    CONEMAP_RING,                    /* the same cones by ring search with early out [Dum06]; slow */
+    CONEMAP_EXACT,                   /* by branch and bound over a max pyramid: the widest vertex cones, or bilinear
+                                        ones from bounds tight to a few percent; slack makes them narrower */
+    CONEMAP_RING,                    /* EXACT's vertex cones, to the bit, by ring search with early out [Dum06]; slow */
     CONEMAP_QUICK_NAIVE,             /* conservative, narrow: [VB22] Algorithm 1 */
     CONEMAP_QUICK,                   /* conservative, wider: [VB22] Algorithm 2 with its diagonals mended */
     CONEMAP_QUICK_NAIVE_CENTER,      /* texel-centre heuristic on Algorithm 1: wider, not safe [VB22] */
@@ -269,12 +271,13 @@ typedef struct conemap_desc {
     conemap_texture texture;
 
     conemap_generator generator;
-    conemap_guarantee guarantee; /* VERTEX or BILINEAR, which only CONEMAP_EXACT gives; 0: the best there is */
+    conemap_guarantee guarantee; /* CONEMAP_EXACT: VERTEX or BILINEAR; others: VERTEX where it is what they give.
+                               0: BILINEAR with CONEMAP_EXACT, else what the generator gives */
     float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), in exchange for time;
                                0: exact. Up to 16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
-    int ring_limit;         /* RING, RELAXED..., HYBRID: look at most so many texels far, which leaves the later
+    int ring_limit;         /* RING, RELAXED, RELAXED_SAMPLED, HYBRID: look at most so many texels far, which leaves the later
                                batches out [BV24 section 5] and drops the guarantee; 0: no limit */
     float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
     int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
@@ -304,6 +307,7 @@ typedef struct conemap_info {
     conemap_generator generator;
     conemap_guarantee guarantee;
     int min3x3;
+    float slack;
     uint64_t height_hash;   /* of the decoded heights */
 } conemap_info;
 
@@ -315,7 +319,8 @@ typedef struct conemap_pyramid {
     float *level[17];       /* level[0] may be null: computed when asked for */
 } conemap_pyramid;
 
-/* A cone map. Read-only for the caller; free it with conemap_free. */
+/* A cone map. Read-only for the caller; free it with conemap_free. A plain struct, which may be copied or moved: free one
+   copy only. */
 typedef struct conemap_map {
     conemap_info info;
     const float *heights;   /* width * height, row 0 first, as a texture fetch returns them */
@@ -347,7 +352,7 @@ typedef struct conemap_ray {
     float origin[3];        /* u, v, z in the unit box's coordinates; anywhere */
     float direction[3];     /* any length but 0; t counts in it. A component below 1e-30 of the longest counts as 0 */
     float t_min;            /* where the ray begins; 0 or more */
-    float t_max;            /* where it ends; 0: no end */
+    float t_max;            /* where it ends; 0 or infinite: no end */
 } conemap_ray;
 
 typedef enum conemap_status {
@@ -386,7 +391,7 @@ typedef enum conemap_tracer {
     CONEMAP_TRACER_COUNT
 } conemap_tracer;
 
-typedef enum conemap_refinement { /* of the last bracket; MAXMIP and QDM bring their own */
+typedef enum conemap_refinement { /* of the last bracket; EXACT, MAXMIP and QDM need none */
     CONEMAP_REFINE_NONE = 0,
     CONEMAP_REFINE_SECANT,      /* one secant step */
     CONEMAP_REFINE_BISECT,      /* refine_steps halvings */
@@ -397,17 +402,20 @@ typedef struct conemap_trace_desc {
     conemap_tracer tracer;
     conemap_refinement refinement;
     int refine_steps;       /* CONEMAP_REFINE_BISECT; 0: 7, as [BV24]. Up to 64 */
-    int max_steps;          /* 0: LINEAR 200, LOOP 20, others as many as it takes; FIXED always takes 10 */
+    int max_steps;          /* 0: LINEAR 200, LOOP 20, others as many as it takes; FIXED always takes 10. Up to
+                               2^30 */
     float step_scale;       /* cone steps times this; 0: 1. Above 1 is [VB22] section 4.1's experiment */
     int adaptive_steps;     /* LOOP: nonzero scales max_steps by 0.5 + |horizontal direction| [Dum06] */
     int any_hit;            /* nonzero: EXACT tells whether there is a hit, for shadows and line of sight; t is then
-                               some point of the ray that is inside, not the first */
+                               some point of the ray that is inside, not the first. Others ignore it. From a to b:
+                               origin a, direction b - a, t_max 1, both ends lifted off the surface, which is inside;
+                               anything but HIT and STEP_CAP is a clear line */
     float tolerance;        /* FIXED, LOOP: |z - height| that counts as converged; 0: 1/256 */
 } conemap_trace_desc;
 
 typedef struct conemap_sample {
     float height;
-    float tan;              /* of the interpolated cone */
+    float tan;              /* of the interpolated cone; with per_cell of the cell's */
     float dhdu, dhdv;       /* slope of the bilinear cell */
     float normal[3];        /* unit normal of the unit box's surface; scale dhdu, dhdv yourself for a depth */
 } conemap_sample;
@@ -431,12 +439,13 @@ CONEMAP_API void conemap_free(conemap_map *map);
 CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memory_size, size_t *scratch_size);
 
 /* Brings a map up to date after its heights changed inside a rectangle of texels.
-   desc: the settings that the map was built with, and the whole heightmap as it is now (only the rectangle is read);
-   its memory and keep_pyramid are ignored. Only what the edit can have changed is computed: with CONEMAP_EXACT without slack
-   a region around the rectangle, as far as its old and new heights reach; with other settings everything.
-   The result is that of a full build, to the bit. Allocates scratch, and frees it again. Errors: those of conemap_build;
-   PARAMETER if desc has other settings than the map; SIZE if the rectangle is empty or not inside the map. On any error
-   the map is as it was. Nothing else may use the map meanwhile. */
+   desc: every setting as the map was built (ring_limit, march_steps and hybrid_weight cannot be checked), and the whole
+   heightmap as it is now, of which only the rectangle is read. memory, scratch, keep_pyramid, progress and
+   parallel_for are ignored: it runs on this thread, allocates working memory from desc->allocator and frees it.
+   CONEMAP_EXACT without slack, and without min3x3 on vertex cones, searches only as far as the old and the new heights
+   reach; other settings search everything. The result is that of a full build, to the bit.
+   Errors: those of conemap_build; PARAMETER if desc has other settings than the map; SIZE if the rectangle is empty or
+   not inside the map. On any error the map is as it was. Nothing else may use the map meanwhile. */
 CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
                                           int height);
 
@@ -448,7 +457,7 @@ CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *
            // all jobs of a pass are done before the next pass begins
        conemap_end(&map);
    desc->heights.pixels must stay readable until the first pass is done. The bits do not depend on the split.
-   conemap_run_job is thread-safe for different jobs; it reports its own error, and conemap_end reports that of
+   Run each job exactly once. conemap_run_job is thread-safe for different jobs; it reports its own error, and conemap_end reports that of
    the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error conemap_end (and
    conemap_begin) frees the map. To give up early, call conemap_free. */
 CONEMAP_API conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map);
@@ -467,7 +476,8 @@ CONEMAP_API size_t conemap_row_size(const conemap_map *map);
 CONEMAP_API size_t conemap_texture_size(const conemap_map *map, size_t row_pitch);
 
 /* Writes the texture, native byte order, into the caller's pixels. row_pitch: bytes from row to row, 0: rows
-   touch; bytes between rows stay as they were. Errors: NULL, STRIDE (pitch below a row), BUFFER. */
+   touch; bytes between rows stay as they were, and none are needed behind the last row. Errors: NULL, STRIDE (pitch
+   below a row), BUFFER, OVERFLOW. */
 CONEMAP_API conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
                                                  size_t row_pitch);
 
@@ -531,13 +541,13 @@ typedef struct conemap_report {
    info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each,
    row 0 first, as a texture fetch returns them (cones encoded), of our maps or of anybody's:
        conemap_verify(&map.info, map.heights, map.cones, NULL, &report);
-   allocator: null for the default; under 2 bytes a texel are held during the call.
+   allocator: null for the default; under 2 bytes a texel (up to 9 on maps of one row or column) are held.
    report: overwritten. OK says only that the report is there; the map is safe if unsafe and unproven are both 0.
    `worst` is the deepest there is to within 2 % and 2^-20, unless a cell's work ran out.
    Takes 1 to 10 us a cell on safe maps, more on unsafe ones; cones that follow long even slopes to the last bit
    take the longest and may stay unproven.
    Errors: NULL, SIZE, ENUM, PARAMETER (aspect or max_tan as in a desc, but not 0; a cone NaN, infinite or negative),
-   HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe. */
+   HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
                                           const conemap_allocator *allocator, conemap_report *report);
 
@@ -2002,6 +2012,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     info->generator = desc->generator;
     info->guarantee = conemap__guarantee_of(desc);
     info->min3x3 = desc->min3x3 != 0;
+    info->slack = desc->slack;
     map->build.desc = *desc;
     map->build.allocator = desc->allocator;
     map->build.texel_u = 1.0f / (float)w;
@@ -2078,7 +2089,8 @@ static int conemap__same_settings(const conemap_info *a, const conemap_info *b) 
            a->texture.format == b->texture.format && a->texture.encoding == b->texture.encoding &&
            a->texture.layout == b->texture.layout && !a->texture.per_cell == !b->texture.per_cell &&
            a->generator == b->generator && a->guarantee == b->guarantee &&
-           a->min3x3 == b->min3x3;
+           a->min3x3 == b->min3x3 && conemap__bits(a->slack) == conemap__bits(b->slack) &&
+           !a->texture.flip_dv == !b->texture.flip_dv;
 }
 
 static void *conemap__cut(unsigned char **cursor, size_t count, size_t size) {
@@ -2493,12 +2505,12 @@ static void conemap__mark_around(const conemap_map *map, unsigned char *wanted, 
 /* Marks what an edit of rectangle (x, y, width, height) can change: a texel is safe from it if nothing as high as `highest`,
    before or after, standing at the rectangle's nearest texel, is as steep as what the texel's cone has already. With the
    bilinear guarantee the rectangle's cells count, the nearest of all are looked at whatever their slope, and a search
-   serves its 3x3 texels. Returns how many texels are to be stored. */
-static size_t conemap__mark(const conemap_map *map, unsigned char *wanted, int x, int y, int width, int height,
+   serves its 3x3 texels. */
+static void conemap__mark(const conemap_map *map, unsigned char *wanted, int x, int y, int width, int height,
                             float highest) {
     int bilinear = conemap__is_bilinear(&map->info), i, j, a, b, w = map->info.width, h = map->info.height;
     float near2 = 0.0f, deflate = 0.0f;
-    size_t at, count = 0;
+    size_t at;
     if (bilinear) {
         deflate = 0.25f * (map->build.search_u * map->build.search_u + map->build.search_v * map->build.search_v);
         near2 = deflate / CONEMAP__TOLERANCE;
@@ -2529,13 +2541,11 @@ static size_t conemap__mark(const conemap_map *map, unsigned char *wanted, int x
         for (i = 0; i < w; ++i) {
             at = (size_t)j * (size_t)w + (size_t)i;
             if (!(wanted[at] & CONEMAP__STORE)) continue;
-            ++count;
             if (bilinear)
                 conemap__mark_around(map, wanted, i, j, CONEMAP__SEARCH);
             else
                 wanted[at] |= CONEMAP__SEARCH;
         }
-    return count;
 }
 
 static float conemap__rectangle_max(const conemap_map *map, int x, int y, int width, int height, float highest) {
@@ -2562,6 +2572,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     settings.memory = map->build.memory;
     settings.memory_size = map->memory_size;
     settings.keep_pyramid = map->cells.levels > 0;
+    settings.scratch = NULL; /* an update needs more than a build, so it takes its own */
     settings.progress = NULL;
     memset(&work, 0, sizeof work);
     work.build.updating = 1;
@@ -2600,7 +2611,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         /* Slack depends on the way of the search, and correction on cones that are no longer there: those start afresh. */
         partial = settings.generator == CONEMAP_EXACT && !(settings.slack > 0.0f) && !(settings.min3x3 && !work.build.rims);
         if (partial)
-            (void)conemap__mark(&work, wanted, x, y, width, height, highest);
+            conemap__mark(&work, wanted, x, y, width, height, highest);
         else
             memset(wanted, CONEMAP__SEARCH | CONEMAP__STORE, texels);
         work.build.wanted = wanted;
@@ -2709,6 +2720,7 @@ CONEMAP__DEF conemap_result conemap_write_texture(const conemap_map *map, void *
     if (row_pitch < row) return CONEMAP_ERROR_STRIDE;
     needed = conemap_texture_size(map, row_pitch);
     if (needed == 0) return CONEMAP_ERROR_OVERFLOW;
+    needed -= row_pitch - row; /* the last row's padding is never written */
     if (size < needed) return CONEMAP_ERROR_BUFFER;
     for (y = 0; y < map->info.height; ++y)
         conemap__write_row(map, y, (unsigned char *)pixels + (size_t)y * row_pitch);
@@ -2762,7 +2774,7 @@ CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, si
     words[13] = (uint32_t)info->guarantee;
     words[14] = info->min3x3 != 0;
     words[15] = info->texture.per_cell != 0;
-    words[16] = 0;
+    words[16] = conemap__bits(info->slack);
     words[17] = (uint32_t)(info->height_hash & 0xffffffffu);
     words[18] = (uint32_t)(info->height_hash >> 32);
     words[19] = (uint32_t)(data_hash & 0xffffffffu);
@@ -2797,7 +2809,7 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
         words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
         words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
         words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 || words[13] >= CONEMAP_GUARANTEE_COUNT ||
-        words[14] > 1 || words[15] > 1 || words[16] != 0)
+        words[14] > 1 || words[15] > 1)
         return CONEMAP_ERROR_FILE_CORRUPT;
     memset(&read, 0, sizeof read);
     read.width = (int)words[2];
@@ -2814,10 +2826,11 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     read.generator = (conemap_generator)words[12];
     read.guarantee = (conemap_guarantee)words[13];
     read.min3x3 = (int)words[14];
+    read.slack = conemap__from_bits(words[16]);
     read.height_hash = (uint64_t)words[18] << 32 | words[17];
     if (!conemap__in_range(read.aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(read.max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
-        (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
+        !conemap__in_range(read.slack, 0.0f, 16.0f) || (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
         return CONEMAP_ERROR_FILE_CORRUPT;
     row = conemap__row_size(&read);
     if ((size - CONEMAP__FILE_HEADER) / row < (size_t)read.height) return CONEMAP_ERROR_FILE_TRUNCATED;
@@ -3138,9 +3151,10 @@ static double conemap__steepest(const conemap__proof *proof, const conemap__patc
             double u0 = conemap__clamp01(x0 - (double)i), u1 = conemap__clamp01(x1 - (double)i);
             double v0 = conemap__clamp01(y0 - (double)j), v1 = conemap__clamp01(y1 - (double)j);
             double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
-            double near = (double)c.h01 - (double)c.h00, far = (double)c.h11 - (double)c.h10;
+            double rise_left = (double)c.h01 - (double)c.h00, rise_right = (double)c.h11 - (double)c.h10;
             double x = conemap__ascent(low + (high - low) * v0, low + (high - low) * v1, left, right);
-            double y = conemap__ascent(near + (far - near) * u0, near + (far - near) * u1, down, up);
+            double y = conemap__ascent(rise_left + (rise_right - rise_left) * u0,
+                                       rise_left + (rise_right - rise_left) * u1, down, up);
             x = proof->a > 0.0 ? x / proof->a : 0.0;
             y = proof->b > 0.0 ? y / proof->b : 0.0;
             worst = conemap__maxd(worst, x * x + y * y);
@@ -3164,14 +3178,14 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
     const conemap_info *info = &proof->map->info;
     double a = proof->a, b = proof->b, aa = a * a, bb = b * b, slack = proof->slack;
     double t = conemap__most4(p->t), low = conemap__least4(p->h), gap = conemap__most4(q->h) - low - slack;
-    double reach = gap * t, nx, ny, near, spread, mixed;
-    int i, j, done, far, capped;
+    double reach = gap * t, nx, ny, least2, spread, mixed;
+    int i, j, done, spanned, capped;
     conemap__patch first, second;
     if (!(reach > 0.0)) return;
     nx = conemap__maxd(0.0, conemap__maxd(q->x - p->x - p->sx, p->x - q->x - q->sx));
     ny = conemap__maxd(0.0, conemap__maxd(q->y - p->y - p->sy, p->y - q->y - q->sy));
-    near = nx * nx * aa + ny * ny * bb;
-    if (reach * reach <= near) return; /* (a) */
+    least2 = nx * nx * aa + ny * ny * bb;
+    if (reach * reach <= least2) return; /* (a) */
     if (--proof->work < 0) {
         proof->open = 1;
         return;
@@ -3179,7 +3193,7 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
     capped = info->texture.encoding == CONEMAP_RADIUS && t >= (double)info->max_tan;
     mixed = capped ? 0.0 : 0.25 * (t - conemap__least4(p->t)) * (conemap__most4(p->h) - low);
     spread = 0.25 * ((p->sx * p->sx + q->sx * q->sx) * aa + (p->sy * p->sy + q->sy * q->sy) * bb);
-    done = near > 1.25 * spread; /* below that the difference in (b) is all rounding */
+    done = least2 > 1.25 * spread; /* below that the difference in (b) is all rounding */
     for (i = 0; i < 4; ++i)
         for (j = 0; j < 4; ++j) {
             double dx = q->x + (j & 1 ? q->sx : 0.0) - p->x - (i & 1 ? p->sx : 0.0);
@@ -3195,10 +3209,10 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
             if (side > 0.0 && side * side > d2 - spread) done = 0; /* (b) */
         }
     if (done) return;
-    far = (1 + (q->i < p->i ? p->i - q->i : q->i - p->i)) * (1 + (q->j < p->j ? p->j - q->j : q->j - p->j));
+    spanned = (1 + (q->i < p->i ? p->i - q->i : q->i - p->i)) * (1 + (q->j < p->j ? p->j - q->j : q->j - p->j));
     /* (c): t (steepest D - slack) <= D for all D up to the reach, beyond which (a) holds. Across many cells it costs
        more than halving. */
-    if ((far <= 4 || (far <= 81 && depth >= 4 && depth % 4 == 0)) &&
+    if ((spanned <= 4 || (spanned <= 81 && depth >= 4 && depth % 4 == 0)) &&
         (t * conemap__steepest(proof, p, q) - 1.0) * gap <= slack)
         return;
     if (depth >= proof->depth) {
@@ -3245,7 +3259,7 @@ static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *api
         stack[count++] = block;
     }
     while (count > 0 && proof->work > 0) {
-        int x0, y0, nu, nv, near;
+        int x0, y0, nu, nv, nearest;
         double highest, reach, du, dv;
         block = stack[--count];
         x0 = (block.x << block.level) + block.period_u;
@@ -3266,11 +3280,11 @@ static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *api
             continue;
         }
         --block.level;
-        near = (i >= x0 + (1 << block.level) ? 1 : 0) + (j >= y0 + (1 << block.level) ? 2 : 0);
+        nearest = (i >= x0 + (1 << block.level) ? 1 : 0) + (j >= y0 + (1 << block.level) ? 2 : 0);
         for (k = 3; k >= 0; --k) { /* the nearest child comes off the stack first: it narrows the most */
             conemap__seen_block child = block;
-            child.x = 2 * block.x + ((near ^ k) & 1);
-            child.y = 2 * block.y + ((near ^ k) >> 1);
+            child.x = 2 * block.x + ((nearest ^ k) & 1);
+            child.y = 2 * block.y + ((nearest ^ k) >> 1);
             if (child.x < cells->width[child.level] && child.y < cells->height[child.level]) stack[count++] = child;
         }
     }
@@ -3466,7 +3480,7 @@ static conemap_result conemap__check_ray(const conemap_ray *ray) {
 static int conemap__enter_axis(double position, int size, conemap_wrap wrap, double *place) {
     double x;
     int cell;
-    if (wrap == CONEMAP_WRAP) position = conemap__fraction(position);
+    position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position); /* far origins cancel badly */
     x = position * (double)size - 0.5;
     cell = conemap__floord(x);
     if (wrap != CONEMAP_WRAP) { /* clipping is off by a last bit */
@@ -3990,6 +4004,7 @@ static conemap_result conemap__resolve_trace(conemap_trace_desc *desc) {
         !CONEMAP__KNOWN(desc->refinement, CONEMAP_REFINEMENT_COUNT))
         return CONEMAP_ERROR_ENUM;
     if (desc->refine_steps < 0 || desc->refine_steps > 64 || desc->max_steps < 0 ||
+        desc->max_steps > (1 << 30) ||
         !conemap__in_range(desc->step_scale, 0.0f, 1e6f) || !conemap__in_range(desc->tolerance, 0.0f, 1.0f))
         return CONEMAP_ERROR_PARAMETER;
     if (desc->tracer == CONEMAP_TRACE_DEFAULT) desc->tracer = CONEMAP_TRACE_EXACT;

@@ -4,9 +4,9 @@
 #define CONEMAP_IMPLEMENTATION
 #include "common.h"
 #include "../tests/truth.h"
-#include <time.h>
+#include "measure.h"
 
-enum { RAYS = 20000, ROUNDS = 5 };
+enum { RAYS = 20000 };
 
 struct method {
     const char *name;
@@ -36,33 +36,6 @@ enum { METHODS = sizeof methods / sizeof methods[0] };
 
 static conemap_ray rays[RAYS];
 static conemap_hit hits[RAYS];
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(const double *values) {
-    double sorted[ROUNDS];
-    memcpy(sorted, values, sizeof sorted);
-    qsort(sorted, ROUNDS, sizeof sorted[0], by_value);
-    return sorted[ROUNDS / 2];
-}
-
-/* From random points of the box's top, 5 to 85 degrees, on a map a quarter as high as it is wide. */
-static void random_rays(void) {
-    for (int k = 0; k < RAYS; ++k) {
-        float random[4];
-        for (uint32_t c = 0; c < 4; ++c) random[c] = (float)(hash3((uint32_t)k, c, 11u) >> 8) / 16777216.0f;
-        float azimuth = random[2] * 6.2831853f, elevation = (5.0f + 80.0f * random[3]) * 0.017453293f;
-        conemap_ray ray = {{random[0], random[1], 1.0f},
-                           {cosf(azimuth) * cosf(elevation), sinf(azimuth) * cosf(elevation),
-                            -sinf(elevation) / 0.25f},
-                           0.0f,
-                           0.0f};
-        rays[k] = ray;
-    }
-}
 
 /* A miss: the surface rises more than 2^-20 above the ray before the hit that was reported. */
 static int is_miss(const struct truth_map *map, const conemap_ray *ray, const conemap_hit *hit) {
@@ -96,7 +69,7 @@ static int measure(const char *name, const struct image *image, FILE *csv, struc
         if (result != CONEMAP_OK) return fail_result(name, result);
     }
     truth.heights = maps[0].heights;
-    random_rays();
+    random_rays(rays, RAYS, 11u);
     for (int r = 0; r < ROUNDS; ++r)
         for (int m = 0; m < METHODS; ++m) {
             struct method *method = &methods[m];
@@ -106,9 +79,9 @@ static int measure(const char *name, const struct image *image, FILE *csv, struc
             desc.tracer = method->tracer;
             desc.refinement = method->refinement;
             desc.max_steps = method->max_steps;
-            clock_t start = clock();
+            double start = now();
             conemap_result result = conemap_trace(map, &desc, rays, hits, RAYS);
-            method->seconds[r] = (double)(clock() - start) / (double)CLOCKS_PER_SEC;
+            method->seconds[r] = now() - start;
             if (result != CONEMAP_OK) return fail_result(name, result);
             progress_show((part + ((double)r + (double)m / METHODS) / ROUNDS) / 4.0, progress);
             if (r > 0) continue;

@@ -2,28 +2,12 @@
    a/b is the ratio of two times measured in the same rounds. NAME keeps the figures whose name holds it. */
 #define CONEMAP_IMPLEMENTATION
 #include "common.h"
-#include <time.h>
+#include "measure.h"
 
-#define ROUNDS 5
-#define MOST_FIGURES 32
 
 static const char *wanted = "";
 static struct progress progress;
 static double parts_done, parts;
-
-static double now(void) { return (double)clock() / (double)CLOCKS_PER_SEC; }
-
-static int by_value(const void *a, const void *b) {
-    double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(const double *values) {
-    double sorted[ROUNDS];
-    memcpy(sorted, values, sizeof sorted);
-    qsort(sorted, ROUNDS, sizeof sorted[0], by_value);
-    return sorted[ROUNDS / 2];
-}
 
 static double median_ratio(const double *a, const double *b) {
     double ratios[ROUNDS];
@@ -83,22 +67,6 @@ static int bench_generators(const char *map_name, const struct image *image) {
     return 1;
 }
 
-/* Rays from random points of the box's top, 5 to 85 degrees above a map that is a quarter as high as it is wide. */
-static void random_rays(conemap_ray *rays, int count) {
-    memset(rays, 0, (size_t)count * sizeof rays[0]);
-    for (int k = 0; k < count; ++k) {
-        float random[4];
-        for (uint32_t c = 0; c < 4; ++c) random[c] = (float)(hash3((uint32_t)k, c, 7u) >> 8) / 16777216.0f;
-        float azimuth = random[2] * 6.2831853f, elevation = (5.0f + 80.0f * random[3]) * 0.017453293f;
-        rays[k].origin[0] = random[0];
-        rays[k].origin[1] = random[1];
-        rays[k].origin[2] = 1.0f;
-        rays[k].direction[0] = cosf(azimuth) * cosf(elevation);
-        rays[k].direction[1] = sinf(azimuth) * cosf(elevation);
-        rays[k].direction[2] = -sinf(elevation) / 0.25f;
-    }
-}
-
 static int bench_tracers(const char *map_name, const struct image *image) {
     static const conemap_tracer tracers[] = {CONEMAP_TRACE_LINEAR,   CONEMAP_TRACE_LOOP,  CONEMAP_TRACE_EXACT_STEP,
                                              CONEMAP_TRACE_CELL_MAX, CONEMAP_TRACE_EXACT, CONEMAP_TRACE_MAXMIP,
@@ -113,7 +81,7 @@ static int bench_tracers(const char *map_name, const struct image *image) {
     desc.min3x3 = 1;
     conemap_result result = conemap_build(&desc, &map);
     if (result != CONEMAP_OK) return fail_result("build", result);
-    random_rays(rays, RAYS);
+    random_rays(rays, RAYS, 7u);
     for (int r = 0; r < ROUNDS; ++r)
         for (int k = 0; k < COUNT; ++k) {
             conemap_trace_desc trace;

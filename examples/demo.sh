@@ -10,7 +10,7 @@ echo "Elevation model (Jacksboro, Tennessee; USGS SRTM)"
 $bin/bake $map --aspect square -o $out/jacksboro.cone
 $bin/render $out/jacksboro.cone --depth 0.22 -o $out/jacksboro.png
 $bin/render $out/jacksboro.cone --depth 0.22 --mode steps -o $out/jacksboro-steps.png
-$bin/render $out/jacksboro.cone --depth 0.22 --mode unconverged --tracer loop --max-steps 12 \
+$bin/render $out/jacksboro.cone --depth 0.22 --mode unconverged --tracer loop --max-steps 32 \
     -o $out/jacksboro-unconverged.png
 $bin/render $out/jacksboro.cone --depth 0.22 --mode difference -o $out/jacksboro-difference.png
 $bin/inspect $out/jacksboro.cone -o $out/jacksboro-

@@ -83,6 +83,13 @@ for compiler in g++ clang++; do
     done
 done
 
+crowded() { # the macros that some system headers define
+    # shellcheck disable=SC2086
+    gcc -std=c99 $warn -Dnear= -Dfar= -Dsmall=char -Dinterface=struct -DIN= -DOUT= -Dmin=minimum -Dmax=maximum -I. \
+        -c "$work/impl.c" -o "$dir/w.o"
+}
+need "builds among other headers' macros" gcc && part "builds among other headers' macros" crowded
+
 tests_and_examples() { # COMPILER
     local f
     for f in tests/*.c examples/*.c; do

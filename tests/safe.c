@@ -472,6 +472,43 @@ static void relaxed_maps_and_any_hit(void)
     CHECK(fallbacks > 1000 && hits > 1000, "%d fallbacks, %d hits", fallbacks, hits);
 }
 
+/* Origins so far away that the entry point is all rounding, and step counts at their ends: defined, and bounded. */
+static void far_origins_and_large_counts(void)
+{
+    static const float heights[4] = {0.0f, 0.5f, 0.5f, 1.0f};
+    conemap_desc desc;
+    conemap_map map;
+    int k, tracer, wraps;
+    for (wraps = 0; wraps < 3; ++wraps) {
+        memset(&desc, 0, sizeof desc);
+        desc.heights.pixels = heights;
+        desc.heights.width = desc.heights.height = 2;
+        desc.wrap_u = desc.wrap_v = (conemap_wrap)wraps;
+        desc.keep_pyramid = 1;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        for (k = 0; k < 40; ++k) {
+            for (tracer = 1; tracer < CONEMAP_TRACER_COUNT; ++tracer) {
+                conemap_ray ray;
+                conemap_hit hit;
+                conemap_trace_desc trace;
+                memset(&ray, 0, sizeof ray);
+                memset(&trace, 0, sizeof trace);
+                ray.origin[k % 3] = k % 2 ? 1e30f : -3e38f;
+                ray.origin[(k + 1) % 3] = ray.origin[(k + 2) % 3] = 0.4f;
+                ray.direction[k % 3] = (k % 2 ? -1.0f : 1.0f) * (1.0f + 0.1f * (float)k);
+                ray.direction[(k + 1) % 3] = k % 5 ? 0.0f : 1e-9f;
+                trace.tracer = (conemap_tracer)tracer;
+                trace.max_steps = 1000;
+                CHECK(conemap_trace(&map, &trace, &ray, &hit, 1) == CONEMAP_OK, "tracer %d ray %d", tracer, k);
+                trace.max_steps = 2147483647;
+                CHECK(conemap_trace(&map, &trace, &ray, &hit, 1) == CONEMAP_ERROR_PARAMETER, "tracer %d: too many steps",
+                      tracer);
+            }
+        }
+        conemap_free(&map);
+    }
+}
+
 /* Bands meet at rows 16, 32, ...: cones there must be what they are in the middle of a band. */
 static void bands_do_not_show(void)
 {
@@ -508,5 +545,6 @@ const struct test_case safe_tests[] = {
     {"relaxed steps pass the surface once", relaxed_steps_pass_the_surface_once},
     {"relaxed counterexample", relaxed_counterexample},
     {"relaxed maps and any hit", relaxed_maps_and_any_hit},
+    {"far origins and large counts", far_origins_and_large_counts},
     {NULL, NULL},
 };

@@ -155,6 +155,12 @@ static void errors_leave_the_map(void)
     other.max_tan = 2.0f;
     REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
     other = desc;
+    other.slack = 0.5f;
+    REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
+    other = desc;
+    other.texture.flip_dv = 1;
+    REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
+    other = desc;
     other.generator = CONEMAP_QUICK;
     other.guarantee = CONEMAP_GUARANTEE_DEFAULT;
     REFUSED(conemap_update(&map, &other, 0, 0, 1, 1), CONEMAP_ERROR_PARAMETER);
@@ -177,9 +183,38 @@ static void errors_leave_the_map(void)
     conemap_free(&map);
 }
 
+/* The desc of a build in the caller's own memory can be used as it is: an update takes scratch of its own. */
+static void in_own_memory(void)
+{
+    conemap_desc desc = make_desc(4);
+    conemap_map map, whole;
+    size_t memory_size, scratch_size;
+    zoo_fill(ZOO_FBM, W, H, 3, heights);
+    REQUIRE(conemap_memory(&desc, &memory_size, &scratch_size) == CONEMAP_OK, "memory");
+    desc.memory = test_alloc(memory_size);
+    desc.memory_size = memory_size;
+    desc.scratch = test_alloc(scratch_size);
+    desc.scratch_size = scratch_size;
+    REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+    heights[5 * W + 5] = 1.0f;
+    CHECK(conemap_update(&map, &desc, 5, 5, 1, 1) == CONEMAP_OK, "update");
+    test_release(desc.scratch);
+    desc.scratch = NULL;
+    {
+        conemap_desc other = desc;
+        other.memory = NULL;
+        REQUIRE(conemap_build(&other, &whole) == CONEMAP_OK, "build");
+    }
+    CHECK(same_maps(&map, &whole), "not what a full build gives");
+    conemap_free(&whole);
+    conemap_free(&map);
+    test_release(desc.memory);
+}
+
 const struct test_case updates_tests[] = {
     {"updates equal builds", updates_equal_builds},
     {"other generators", other_generators},
     {"errors leave the map", errors_leave_the_map},
+    {"in own memory", in_own_memory},
     {NULL, NULL},
 };

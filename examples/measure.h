@@ -1,0 +1,39 @@
+/* What bench and accuracy share: medians, and rays at random. Include after common.h. */
+#ifndef EXAMPLES_MEASURE_H
+#define EXAMPLES_MEASURE_H
+
+#include <time.h>
+
+#define ROUNDS 5 /* every time is the median of so many interleaved rounds */
+
+static double now(void) { return (double)clock() / (double)CLOCKS_PER_SEC; }
+
+static int by_value(const void *a, const void *b) {
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(const double *values) {
+    double sorted[ROUNDS];
+    memcpy(sorted, values, sizeof sorted);
+    qsort(sorted, ROUNDS, sizeof sorted[0], by_value);
+    return sorted[ROUNDS / 2];
+}
+
+/* From random points of the box's top, 5 to 85 degrees, on a map a quarter as high as it is wide. */
+static void random_rays(conemap_ray *rays, int count, uint32_t seed) {
+    memset(rays, 0, (size_t)count * sizeof rays[0]);
+    for (int k = 0; k < count; ++k) {
+        float random[4];
+        for (uint32_t c = 0; c < 4; ++c) random[c] = (float)(hash3((uint32_t)k, c, seed) >> 8) / 16777216.0f;
+        float azimuth = random[2] * 6.2831853f, elevation = (5.0f + 80.0f * random[3]) * 0.017453293f;
+        rays[k].origin[0] = random[0];
+        rays[k].origin[1] = random[1];
+        rays[k].origin[2] = 1.0f;
+        rays[k].direction[0] = cosf(azimuth) * cosf(elevation);
+        rays[k].direction[1] = sinf(azimuth) * cosf(elevation);
+        rays[k].direction[2] = -sinf(elevation) / 0.25f;
+    }
+}
+
+#endif
