@@ -209,7 +209,7 @@ static void cells_cones_are_empty(void)
 /* The same judge finds what vertex cones do, also after the 3x3 minimum [BV24 eq. 2]. */
 static void vertex_cones_are_not_empty(void)
 {
-    /* DESIGN: a rising edge between two texels can beat both its ends; vertex slope .7, surface .99 */
+    /* A rising edge between two texels can beat both its ends; vertex slope .7, surface .99 */
     static const float edge[4] = {0.0f, 0.7f, 0.7f, 0.99f};
     struct relief r;
     double worst;
