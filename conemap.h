@@ -277,8 +277,8 @@ typedef struct conemap_desc {
                                0: exact. Up to 16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
-    int ring_limit;         /* RING, RELAXED, RELAXED_SAMPLED, HYBRID: look at most so many texels far, which leaves the later
-                               batches out [BV24 section 5] and drops the guarantee; 0: no limit */
+    int ring_limit;         /* RING, RELAXED, RELAXED_SAMPLED, HYBRID: look at most so many texels far, which leaves
+                               the later batches out [BV24 section 5] and drops the guarantee; 0: no limit */
     float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
     int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
 
@@ -457,7 +457,8 @@ CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *
            // all jobs of a pass are done before the next pass begins
        conemap_end(&map);
    desc->heights.pixels must stay readable until the first pass is done. The bits do not depend on the split.
-   Run each job exactly once. conemap_run_job is thread-safe for different jobs; it reports its own error, and conemap_end reports that of
+   Run each job exactly once. conemap_run_job is thread-safe for different jobs; it reports its own error, and
+   conemap_end reports that of
    the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error conemap_end (and
    conemap_begin) frees the map. To give up early, call conemap_free. */
 CONEMAP_API conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map);
@@ -1662,8 +1663,8 @@ static void conemap__safe_vertex(const conemap__band *band, int i, int j, conema
    cell has such a point only if a flight direction from P to it and slopes of its sides give x h_x + y h_y < 0; all
    three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm 2]'s
    rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's near
-   corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds of conemap__safe_vertex (steps 1 and 4 hold for each pair of cells
-   as a whole). What touches P is taken whole: its longest gradient if a cell around it falls, and inside P itself the
+   corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds of
+   conemap__safe_vertex (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its longest gradient if a cell around it falls, and inside P itself the
    bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
    |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
    falls: cells outside, whose corners repeat the border, see to that. */
@@ -1729,8 +1730,8 @@ static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, 
     int i = x + conemap__outer_first(map->info.wrap_u), j = y + conemap__outer_first(map->info.wrap_v);
     int wanted = (quadrant & 1 ? CONEMAP__FALLS_LEFT : CONEMAP__FALLS_RIGHT) |
                  (quadrant & 2 ? CONEMAP__FALLS_UP : CONEMAP__FALLS_DOWN);
-    return conemap__falling(map, i, j) & wanted ? conemap__highest(conemap__gather(map->heights, conemap__cell_quad(map, i, j)))
-                                                : -1.0f;
+    if (!(conemap__falling(map, i, j) & wanted)) return -1.0f;
+    return conemap__highest(conemap__gather(map->heights, conemap__cell_quad(map, i, j)));
 }
 
 /* A far cell that limits: its corners, by step 4's bound. */
@@ -1892,7 +1893,6 @@ enum {
     CONEMAP__PASS_CELLS_TOP,
     CONEMAP__PASS_COUNT
 };
-
 
 static int conemap__needs_pyramid(conemap_generator generator) {
     return generator == CONEMAP_EXACT || generator == CONEMAP_QUICK || generator == CONEMAP_QUICK_NAIVE ||
@@ -2562,7 +2562,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     conemap_result result;
     conemap_heights rectangle;
     size_t memory_size, scratch_size, texels;
-    unsigned char *wanted = NULL;
+    unsigned char *wanted;
+    void *buffer = NULL; /* a byte a texel, and the rectangle's new heights until all of them are known to be good */
     float highest;
     int pass, job, partial, k;
     if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
@@ -2585,9 +2586,10 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     texels = conemap__texels(map);
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
-    if (result == CONEMAP_OK) /* one byte a texel, and the rectangle's new heights until all of them are known to be good */
+    if (result == CONEMAP_OK)
         result = conemap__take(&settings.allocator, NULL, 0, texels + (size_t)width * (size_t)height * sizeof(float),
-                               (void **)&wanted, &k);
+                               &buffer, &k);
+    wanted = (unsigned char *)buffer;
     if (result == CONEMAP_OK) {
         unsigned char *cursor = wanted + texels;
         rectangle = settings.heights;
@@ -2619,7 +2621,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
             for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
         map->info.height_hash = conemap__survey_heights(map, &map->highest);
     }
-    if (wanted) conemap__release(&settings.allocator, wanted, 1);
+    if (buffer) conemap__release(&settings.allocator, buffer, 1);
     conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
     return result;
 }
@@ -2830,7 +2832,8 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     read.height_hash = (uint64_t)words[18] << 32 | words[17];
     if (!conemap__in_range(read.aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(read.max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
-        !conemap__in_range(read.slack, 0.0f, 16.0f) || (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
+        !conemap__in_range(read.slack, 0.0f, 16.0f) ||
+        (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
         return CONEMAP_ERROR_FILE_CORRUPT;
     row = conemap__row_size(&read);
     if ((size - CONEMAP__FILE_HEADER) / row < (size_t)read.height) return CONEMAP_ERROR_FILE_TRUNCATED;

@@ -4,7 +4,6 @@
 #include "common.h"
 #include "measure.h"
 
-
 static const char *wanted = "";
 static struct progress progress;
 static double parts_done, parts;
