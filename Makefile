@@ -29,6 +29,7 @@ help:
 	@echo "make check     everything heavier: warnings, sanitizers, other targets, fuzzing; skips what is missing"
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
+	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
 	@echo "make all       builds the examples and the tests"
 	@echo "make clean     removes build/ and out/"
 
@@ -56,6 +57,16 @@ test: build/tests
 demo: build/bake build/render build/inspect | out
 	@sh examples/demo.sh
 
+# What a machine's compiler lacks is left out, with a line.
+threads: | build
+	@$(COMPILE) -pthread examples/threads_pthreads.c -o build/threads_pthreads $(LINK) && build/threads_pthreads
+	@if echo '#include <threads.h>' | $(CC) -std=c11 -E - >/dev/null 2>&1; then \
+	    $(CC) -std=c11 $(WARN) $(CFLAGS) -I. -pthread examples/threads_c11.c -o build/threads_c11 $(LINK) && build/threads_c11; \
+	else echo "skipped threads_c11: no threads.h"; fi
+	@if $(CXX) --version >/dev/null 2>&1; then \
+	    $(CXX) -std=c++11 $(WARN) $(CFLAGS) -I. -pthread examples/threads_pool.cc -o build/threads_pool && build/threads_pool; \
+	else echo "skipped threads_pool: no C++ compiler"; fi
+
 check:
 	@CC="$(CC)" CXX="$(CXX)" bash tests/check.sh $(CHECK)
 
@@ -68,4 +79,4 @@ accuracy: build/accuracy | out
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo check bench accuracy clean
+.PHONY: all help test demo threads check bench accuracy clean

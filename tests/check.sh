@@ -93,7 +93,7 @@ need "builds among other headers' macros" gcc && part "builds among other header
 tests_and_examples() { # COMPILER
     local f
     for f in tests/*.c examples/*.c; do
-        case "$f" in *stb_image_impl.c) continue ;; esac
+        case "$f" in *stb_image_impl.c | *threads_*.c) continue ;; esac
         # shellcheck disable=SC2086
         "$1" -std=c99 $warn $strict -O2 -I. -c "$f" -o "$dir/w.o" || return 1
     done
@@ -228,6 +228,13 @@ need "fuzz smoke" clang && part "fuzz smoke" fuzz
 
 # ---- the examples as a person runs them ---------------------------------------------------------------------------
 need "examples" make && part "examples" sh tests/examples.sh
+# Builds by many threads: the same bits, and no data race.
+threads() {
+    make threads || return 1
+    gcc -std=c99 -g -O1 -fsanitize=thread -I. -pthread examples/threads_pthreads.c -o "$dir/pthreads" -lm && "$dir/pthreads" || return 1
+    g++ -std=c++11 -g -O1 -fsanitize=thread -I. -pthread examples/threads_pool.cc -o "$dir/pool" && "$dir/pool"
+}
+need "threads" make gcc g++ && part "threads" threads
 elsewhere() { # a clean copy in a folder whose name has spaces
     local copy="$dir/a folder with spaces"
     rm -rf "$copy"
