@@ -281,6 +281,8 @@ typedef struct conemap_desc {
                                the later batches out [BV24 section 5] and drops the guarantee; 0: no limit */
     float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
     int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
+    int keep_search;        /* nonzero: keep what lets conemap_update take time by the edit and not by the map; 5.4 bytes
+                               a texel. Of use where conemap_update searches a part only */
 
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
     void *memory;           /* caller-owned memory for the map; null: allocate. Must outlive the map */
@@ -343,7 +345,9 @@ typedef struct conemap_map {
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         unsigned char *wanted;  /* while updating: what to do with each texel */
-        int updating;
+        float *survey;          /* with keep_search, for each block of CONEMAP__BAND^2 texels: the lowest height, and the
+                                   least that its texels' squared slopes can be */
+        int updating, keeps_search;
         int pass_jobs[8];
     } build;
 } conemap_map;
@@ -440,10 +444,11 @@ CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memo
 
 /* Brings a map up to date after its heights changed inside a rectangle of texels.
    desc: every setting as the map was built (ring_limit, march_steps and hybrid_weight cannot be checked), and the whole
-   heightmap as it is now, of which only the rectangle is read. memory, scratch, keep_pyramid, progress and
+   heightmap as it is now, of which only the rectangle is read. memory, scratch, keep_pyramid, keep_search, progress and
    parallel_for are ignored: it runs on this thread, allocates working memory from desc->allocator and frees it.
    CONEMAP_EXACT without slack, and without min3x3 on vertex cones, searches only as far as the old and the new heights
-   reach; other settings search everything. The result is that of a full build, to the bit.
+   reach; other settings search everything. On a map built with keep_search the time follows the texels searched. The
+   result is that of a full build, to the bit.
    Errors: those of conemap_build; PARAMETER if desc has other settings than the map; SIZE if the rectangle is empty or
    not inside the map. On any error the map is as it was. Nothing else may use the map meanwhile. */
 CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
@@ -491,7 +496,7 @@ CONEMAP_API conemap_result conemap_save(const conemap_map *map, void *bytes, siz
 CONEMAP_API conemap_result conemap_load_info(const void *bytes, size_t size, conemap_info *info);
 
 /* Loads baked bytes as a map to sample and trace; the bytes are copied.
-   desc: may be null; its allocator, memory and keep_pyramid are used, and its heights, if given, are compared
+   desc: may be null; its allocator, memory, keep_pyramid and keep_search are used, and its heights, if given, are compared
    with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and those
    of conemap_build; on any of them *map is zeroed. */
 CONEMAP_API conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
@@ -709,6 +714,13 @@ static int conemap__add_size(size_t *total, size_t count, size_t size) {
     if (bytes > SIZE_MAX - *total) return 0;
     *total += bytes;
     return 1;
+}
+
+/* A texel's part of the hash of all heights, which is the sum of them, so that an edit changes only its own. */
+CONEMAP__INLINE uint64_t conemap__height_hash(float height, size_t at) {
+    uint64_t x = ((uint64_t)conemap__bits(height) + 1u) * 0x9e3779b97f4a7c15u ^ (uint64_t)at * 0xd6e8feb86659fd93u;
+    x = (x ^ x >> 29) * 0xff51afd7ed558ccdu;
+    return x ^ x >> 32;
 }
 
 /* Word-wise FNV-1a; start from CONEMAP__HASH_START. */
@@ -937,11 +949,13 @@ CONEMAP__INLINE float conemap__lowest_level(const conemap_map *map, const conema
                                          : conemap__falling_cell(map, (int)(pyramid - map->build.falling), x, y);
 }
 
-/* Level k from level k - 1. Level 0 of the texels is a copy of the heights; that of the cells is not stored. */
-static void conemap__pyramid_rows(const conemap_map *map, conemap_pyramid *pyramid, int k, int y0, int y1) {
+/* Blocks x0..x1 - 1, y0..y1 - 1 of level k from level k - 1. Level 0 of the texels is a copy of the heights; that of the
+   cells is not stored. */
+static void conemap__pyramid_blocks(const conemap_map *map, conemap_pyramid *pyramid, int k, int x0, int x1, int y0,
+                                    int y1) {
     int w = pyramid->width[k], h = pyramid->height[k], x, y;
     for (y = y0; y < y1; ++y)
-        for (x = 0; x < w; ++x) {
+        for (x = x0; x < x1; ++x) {
             float *children = conemap__children(pyramid, k, x / 2, y / 2);
             float highest;
             if (k == 0) {
@@ -973,15 +987,23 @@ static void conemap__pyramid_strip(const conemap_map *map, conemap_pyramid *pyra
     for (k = 0; k <= CONEMAP__STRIP_LEVELS && k < pyramid->levels; ++k) {
         int rows = CONEMAP__STRIP >> k;
         if (!pyramid->level[k]) continue;
-        conemap__pyramid_rows(map, pyramid, k, strip * rows,
-                              conemap__mini((strip + 1) * rows, pyramid->height[k]));
+        conemap__pyramid_blocks(map, pyramid, k, 0, pyramid->width[k], strip * rows,
+                                conemap__mini((strip + 1) * rows, pyramid->height[k]));
     }
 }
 
 static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyramid) {
     int k;
     for (k = CONEMAP__STRIP_LEVELS + 1; k < pyramid->levels; ++k)
-        conemap__pyramid_rows(map, pyramid, k, 0, pyramid->height[k]);
+        conemap__pyramid_blocks(map, pyramid, k, 0, pyramid->width[k], 0, pyramid->height[k]);
+}
+
+/* Everything that depends on x0..x1, y0..y1 of level 0, both ends included. */
+static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyramid, int x0, int x1, int y0, int y1) {
+    int k;
+    for (k = 0; k < pyramid->levels; ++k)
+        if (pyramid->level[k])
+            conemap__pyramid_blocks(map, pyramid, k, x0 >> k, (x1 >> k) + 1, y0 >> k, (y1 >> k) + 1);
 }
 
 /* ======================================================================================================
@@ -1910,6 +1932,15 @@ static int conemap__needs_plane(const conemap_map *map) {
     return map->build.updating || map->info.texture.per_cell || (map->info.min3x3 && !conemap__is_bilinear(&map->info));
 }
 
+/* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones that
+   are no longer there: those start afresh. */
+static int conemap__updates_partly(const conemap_desc *desc, const conemap_info *info) {
+    return desc->generator == CONEMAP_EXACT && !(desc->slack > 0.0f) && (!desc->min3x3 || conemap__is_bilinear(info));
+}
+
+/* Blocks of CONEMAP__BAND texels along an axis. */
+CONEMAP__INLINE int conemap__bands(int size) { return (size + CONEMAP__BAND - 1) / CONEMAP__BAND; }
+
 /* The distances of BILINEAR step 7: an axis of one texel has no length, and no texel is longer than 8:1. */
 static void conemap__safe_texel(conemap_map *map) {
     float a = map->info.width > 1 ? map->build.texel_u : 0.0f, b = map->info.height > 1 ? map->build.texel_v : 0.0f;
@@ -1999,7 +2030,7 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
 static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, size_t *memory_size,
                                     size_t *scratch_size) {
     int w = desc->heights.width, h = desc->heights.height, pass, *jobs = map->build.pass_jobs;
-    int strips, q, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND;
+    int strips, q, bands = conemap__bands(h);
     size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0;
     conemap_info *info = &map->info;
     info->width = w;
@@ -2032,8 +2063,13 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
         jobs[CONEMAP__PASS_CELLS] = (cells_v + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
         jobs[CONEMAP__PASS_CELLS_TOP] = 1;
     }
+    map->build.keeps_search = desc->keep_search && conemap__updates_partly(desc, info);
+    if (map->build.keeps_search &&
+        !conemap__add_size(&memory, 2 * (size_t)conemap__bands(w) * (size_t)conemap__bands(h), sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
     if (conemap__needs_pyramid(desc->generator)) {
-        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, &scratch)) return CONEMAP_ERROR_OVERFLOW;
+        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, map->build.keeps_search ? &memory : &scratch))
+            return CONEMAP_ERROR_OVERFLOW;
         jobs[CONEMAP__PASS_STRIPS] = strips;
         jobs[CONEMAP__PASS_TOP] = 1;
     }
@@ -2130,9 +2166,14 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
     map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
     conemap__cut_pyramid(&map->cells, 1, &cursor);
+    if (map->build.keeps_search) {
+        size_t blocks = (size_t)conemap__bands(map->info.width) * (size_t)conemap__bands(map->info.height);
+        map->build.survey = (float *)conemap__cut(&cursor, 2 * blocks, sizeof(float));
+        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
+    }
     if (scratch_size > 0) {
         cursor = (unsigned char *)map->build.scratch;
-        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
+        if (!map->build.keeps_search) conemap__cut_pyramid(&map->build.texels, 0, &cursor);
         for (q = 0; q < 4; ++q) conemap__cut_pyramid(&map->build.falling[q], 0, &cursor);
         if (conemap__is_bilinear(&map->info)) {
             size_t rims = 2 * (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES] * (size_t)map->info.width;
@@ -2286,7 +2327,9 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
         }
     for (y = band.y0 - 1; y < band.y1; ++y) /* cells that touch the band */
         for (x = map->info.wrap_u == CONEMAP_WRAP ? -1 : 0; x < w; ++x)
-            if (conemap__cell_exists(map, x, y))
+            if (conemap__cell_exists(map, x, y) &&
+                conemap__is_wanted(map, conemap__texel_index(x, w, map->info.wrap_u),
+                                   conemap__texel_index(y, map->info.height, map->info.wrap_v), CONEMAP__SEARCH))
                 conemap__raise(&band, band.rows, x, x + band.reach, y, y + band.reach,
                                relaxed ? conemap__relaxed_own(&band, x, y) : conemap__own_slope2(&band, x, y));
     for (y = band.y0; y < band.y1; ++y)
@@ -2307,7 +2350,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
 
 /* A texel's steepest slope over the bands that saw it: in one plane of rows and rims. */
 static float conemap__merged_slope2(const conemap_map *map, const float *plane, const float *rims, int i, int j) {
-    int h = map->info.height, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND, band = j / CONEMAP__BAND;
+    int h = map->info.height, bands = conemap__bands(h), band = j / CONEMAP__BAND;
     size_t w = (size_t)map->info.width, x = (size_t)i;
     int wraps = map->info.wrap_v == CONEMAP_WRAP;
     float slope2 = plane[(size_t)j * w + x];
@@ -2350,6 +2393,38 @@ static void conemap__store_rows(conemap_map *map, int y0, int y1) {
         }
 }
 
+/* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
+static float conemap__slope_floor(const conemap_map *map, size_t at) {
+    const conemap_texture *texture = &map->info.texture;
+    uint32_t code = conemap__code_near(texture->format, map->cones[at]);
+    float next = conemap__value(texture->format, code + 2), tangent;
+    if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
+    tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
+    /* near the top a radius says nothing */
+    if (texture->encoding == CONEMAP_RADIUS && map->heights[at] > 0.999f) tangent = map->info.max_tan;
+    tangent = conemap__min(tangent, map->info.max_tan);
+    return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
+}
+
+/* Surveys the blocks of a row of them, or of these the ones that an update has changed. */
+static void conemap__survey_band(const conemap_map *map, int job) {
+    int w = map->info.width, y1 = conemap__mini((job + 1) * CONEMAP__BAND, map->info.height), block, x, y;
+    for (block = 0; block < conemap__bands(w); ++block) {
+        float *survey = map->build.survey + 2 * ((size_t)job * (size_t)conemap__bands(w) + (size_t)block);
+        int x1 = conemap__mini((block + 1) * CONEMAP__BAND, w), wanted = 0;
+        for (y = job * CONEMAP__BAND; y < y1; ++y)
+            for (x = block * CONEMAP__BAND; x < x1; ++x) wanted |= conemap__is_wanted(map, x, y, CONEMAP__STORE);
+        if (!wanted) continue;
+        survey[0] = survey[1] = CONEMAP__FAR;
+        for (y = job * CONEMAP__BAND; y < y1; ++y)
+            for (x = block * CONEMAP__BAND; x < x1; ++x) {
+                size_t at = (size_t)y * (size_t)w + (size_t)x;
+                survey[0] = conemap__min(survey[0], map->heights[at]);
+                survey[1] = conemap__min(survey[1], conemap__slope_floor(map, at));
+            }
+    }
+}
+
 /* Where a pass keeps the results of its jobs: 0 is not run, else 1 + result. */
 static unsigned char *conemap__job_slots(const conemap_map *map, int pass) {
     unsigned char *slots = map->build.job_results;
@@ -2384,6 +2459,7 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
         break;
     case CONEMAP__PASS_STORE:
         conemap__store_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
+        if (map->build.survey) conemap__survey_band(map, job);
         break;
     case CONEMAP__PASS_CELLS: conemap__pyramid_strip(map, &map->cells, job); break;
     default: conemap__pyramid_top(map, &map->cells); break;
@@ -2400,7 +2476,7 @@ static uint64_t conemap__survey_heights(const conemap_map *map, float *highest) 
     hash = conemap__hash(hash, (uint64_t)map->info.height);
     *highest = 0.0f;
     for (k = 0; k < count; ++k) {
-        hash = conemap__hash(hash, conemap__bits(map->heights[k]));
+        hash += conemap__height_hash(map->heights[k], k);
         *highest = conemap__max(*highest, map->heights[k]);
     }
     return hash;
@@ -2433,7 +2509,7 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
     map->build.owns_scratch = 0;
     map->build.job_results = NULL;
     map->build.plane = map->build.rims = map->build.folds = NULL;
-    memset(&map->build.texels, 0, sizeof map->build.texels);
+    if (!map->build.keeps_search) memset(&map->build.texels, 0, sizeof map->build.texels);
     memset(map->build.falling, 0, sizeof map->build.falling);
     memset(&map->build.desc, 0, sizeof map->build.desc);
     return CONEMAP_OK;
@@ -2471,80 +2547,122 @@ CONEMAP__DEF conemap_result conemap_build(const conemap_desc *desc, conemap_map 
 
 /* ---- updates ------------------------------------------------------------------------------------------------- */
 
-/* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
-static float conemap__slope_floor(const conemap_map *map, size_t at) {
-    const conemap_texture *texture = &map->info.texture;
-    uint32_t code = conemap__code_near(texture->format, map->cones[at]);
-    float next = conemap__value(texture->format, code + 2), tangent;
-    if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
-    tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
-    /* near the top a radius says nothing */
-    if (texture->encoding == CONEMAP_RADIUS && map->heights[at] > 0.999f) tangent = map->info.max_tan;
-    tangent = conemap__min(tangent, map->info.max_tan);
-    return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
-}
-
-/* Whole distance, in texels, from `at` to the texels low..high of an axis, or to the images of a wrapping one. */
-static int conemap__axis_distance(int at, int low, int high, int size, conemap_wrap wrap) {
-    int d = conemap__maxi(0, conemap__maxi(low - at, at - high));
+/* Whole distance, in texels, from the texels first..last of an axis to low..high, or to the images of a wrapping one. */
+static int conemap__axis_distance(int first, int last, int low, int high, int size, conemap_wrap wrap) {
+    int d = conemap__maxi(0, conemap__maxi(low - last, first - high));
     if (wrap == CONEMAP_WRAP) {
-        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low - size - at, at - (high - size))));
-        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low + size - at, at - (high + size))));
+        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low - size - last, first - (high - size))));
+        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low + size - last, first - (high + size))));
     }
     return d;
 }
 
-static void conemap__mark_around(const conemap_map *map, unsigned char *wanted, int i, int j, unsigned char mark) {
+/* An edit of rectangle (x, y, width, height), in which nothing was or is higher than `highest`. */
+typedef struct conemap__edit {
+    const conemap_map *map;
+    int x, y, width, height;
+    float highest, near2, deflate;
+    unsigned char *wanted, *bands; /* marks for each texel; nonzero for each band of rows that has some */
+} conemap__edit;
+
+static void conemap__mark_around(const conemap__edit *edit, int i, int j, int reach, unsigned char mark) {
+    const conemap_info *info = &edit->map->info;
     int x, y;
-    for (y = j - 1; y <= j + 1; ++y)
-        for (x = i - 1; x <= i + 1; ++x)
-            wanted[(size_t)conemap__texel_index(y, map->info.height, map->info.wrap_v) * (size_t)map->info.width +
-                   (size_t)conemap__texel_index(x, map->info.width, map->info.wrap_u)] |= mark;
+    for (y = j - reach; y <= j + reach; ++y)
+        for (x = i - reach; x <= i + reach; ++x) {
+            int row = conemap__texel_index(y, info->height, info->wrap_v);
+            edit->bands[row / CONEMAP__BAND] = 1;
+            edit->wanted[(size_t)row * (size_t)info->width + (size_t)conemap__texel_index(x, info->width, info->wrap_u)] |=
+                mark;
+        }
 }
 
-/* Marks what an edit of rectangle (x, y, width, height) can change: a texel is safe from it if nothing as high as `highest`,
-   before or after, standing at the rectangle's nearest texel, is as steep as what the texel's cone has already. With the
-   bilinear guarantee the rectangle's cells count, the nearest of all are looked at whatever their slope, and a search
-   serves its 3x3 texels. */
-static void conemap__mark(const conemap_map *map, unsigned char *wanted, int x, int y, int width, int height,
-                            float highest) {
-    int bilinear = conemap__is_bilinear(&map->info), i, j, a, b, w = map->info.width, h = map->info.height;
-    float near2 = 0.0f, deflate = 0.0f;
-    size_t at;
-    if (bilinear) {
-        deflate = 0.25f * (map->build.search_u * map->build.search_u + map->build.search_v * map->build.search_v);
-        near2 = deflate / CONEMAP__TOLERANCE;
-    }
-    for (j = 0; j < h; ++j)
-        for (i = 0; i < w; ++i) {
-            float du = (float)conemap__maxi(0, conemap__axis_distance(i, x, x + width - 1, w, map->info.wrap_u) - bilinear) *
-                       map->build.search_u;
-            float dv = (float)conemap__maxi(0, conemap__axis_distance(j, y, y + height - 1, h, map->info.wrap_v) - bilinear) *
-                       map->build.search_v;
-            float d2 = du * du + dv * dv, rise = highest - map->heights[(size_t)j * (size_t)w + (size_t)i];
-            float least = CONEMAP__FAR;
-            int hit = d2 <= near2;
-            if (!hit && rise <= 0.0f) continue;
-            for (b = -bilinear; !hit && b <= bilinear; ++b)
-                for (a = -bilinear; a <= bilinear; ++a) {
-                    size_t beside = (size_t)conemap__texel_index(j + b, h, map->info.wrap_v) * (size_t)w +
-                                    (size_t)conemap__texel_index(i + a, w, map->info.wrap_u);
-                    least = conemap__min(least, conemap__slope_floor(map, beside));
-                }
-            if (!hit && rise * rise < least * (d2 - deflate)) continue;
-            if (bilinear)
-                conemap__mark_around(map, wanted, i, j, CONEMAP__STORE);
-            else
-                wanted[(size_t)j * (size_t)w + (size_t)i] = CONEMAP__STORE;
+/* Square of the distance from texels i0..i1, j0..j1 to the rectangle; with the bilinear guarantee, to its cells. */
+static float conemap__edit_distance2(const conemap__edit *edit, int i0, int i1, int j0, int j1) {
+    const conemap_map *map = edit->map;
+    int bilinear = conemap__is_bilinear(&map->info);
+    int di = conemap__axis_distance(i0, i1, edit->x, edit->x + edit->width - 1, map->info.width, map->info.wrap_u);
+    int dj = conemap__axis_distance(j0, j1, edit->y, edit->y + edit->height - 1, map->info.height, map->info.wrap_v);
+    float du = (float)conemap__maxi(0, di - bilinear) * map->build.search_u;
+    float dv = (float)conemap__maxi(0, dj - bilinear) * map->build.search_v;
+    return du * du + dv * dv;
+}
+
+/* Can the edit change cones at this distance, with no apex lower than `lowest`, whose own slopes, and with the bilinear
+   guarantee their neighbours', are at least sqrt(least)? Not if nothing as high as the edit's highest, before or after,
+   standing that near, is as steep. */
+CONEMAP__INLINE int conemap__edit_matters(const conemap__edit *edit, float d2, float lowest, float least) {
+    float rise = edit->highest - lowest;
+    return rise > 0.0f && !(rise * rise < least * (d2 - edit->deflate));
+}
+
+/* The least slope_floor of the 3x3 texels around (i, j), or of the texel alone. */
+static float conemap__least_floor(const conemap_map *map, int i, int j, int reach) {
+    float least = CONEMAP__FAR;
+    int a, b;
+    for (b = -reach; b <= reach; ++b)
+        for (a = -reach; a <= reach; ++a) {
+            size_t row = (size_t)conemap__texel_index(j + b, map->info.height, map->info.wrap_v) * (size_t)map->info.width;
+            least = conemap__min(least, conemap__slope_floor(
+                                            map, row + (size_t)conemap__texel_index(i + a, map->info.width, map->info.wrap_u)));
         }
-    for (j = 0; j < h; ++j)
-        for (i = 0; i < w; ++i) {
-            at = (size_t)j * (size_t)w + (size_t)i;
-            if (!(wanted[at] & CONEMAP__STORE)) continue;
-            if (bilinear)
-                conemap__mark_around(map, wanted, i, j, CONEMAP__SEARCH);
-            else
-                wanted[at] |= CONEMAP__SEARCH;
+    return least;
+}
+
+/* Can the edit reach a texel of this block? Where nothing was surveyed, perhaps. */
+static int conemap__block_reached(const conemap__edit *edit, int block_u, int block_v) {
+    const conemap_map *map = edit->map;
+    const float *survey = map->build.survey;
+    int bands_u = conemap__bands(map->info.width), bands_v = conemap__bands(map->info.height), a, b;
+    int i0 = block_u * CONEMAP__BAND, j0 = block_v * CONEMAP__BAND;
+    float lowest, least = CONEMAP__FAR, d2;
+    if (!survey) return 1;
+    d2 = conemap__edit_distance2(edit, i0, conemap__mini(i0 + CONEMAP__BAND, map->info.width) - 1, j0,
+                                 conemap__mini(j0 + CONEMAP__BAND, map->info.height) - 1);
+    if (d2 <= edit->near2) return 1;
+    lowest = survey[2 * ((size_t)block_v * (size_t)bands_u + (size_t)block_u)];
+    for (b = -1; b <= 1; ++b)
+        for (a = -1; a <= 1; ++a) {
+            size_t row = (size_t)conemap__texel_index(block_v + b, bands_v, map->info.wrap_v) * (size_t)bands_u;
+            least = conemap__min(least, survey[2 * (row + (size_t)conemap__texel_index(block_u + a, bands_u,
+                                                                                       map->info.wrap_u)) + 1]);
+        }
+    return conemap__edit_matters(edit, d2, lowest, least);
+}
+
+/* Marks what the edit can change, STORE, and whose searches can show it, SEARCH: with the bilinear guarantee a search
+   serves its 3x3 texels, and what is nearest to the edit is looked at whatever its slope. */
+static void conemap__mark(const conemap__edit *edit) {
+    const conemap_map *map = edit->map;
+    int w = map->info.width, h = map->info.height, reach = conemap__is_bilinear(&map->info), block_u, block_v, i, j;
+    for (block_v = 0; block_v < conemap__bands(h); ++block_v)
+        for (block_u = 0; block_u < conemap__bands(w); ++block_u) {
+            if (!conemap__block_reached(edit, block_u, block_v)) continue;
+            for (j = block_v * CONEMAP__BAND; j < conemap__mini((block_v + 1) * CONEMAP__BAND, h); ++j)
+                for (i = block_u * CONEMAP__BAND; i < conemap__mini((block_u + 1) * CONEMAP__BAND, w); ++i) {
+                    float height = map->heights[(size_t)j * (size_t)w + (size_t)i];
+                    float d2 = conemap__edit_distance2(edit, i, i, j, j);
+                    if (d2 > edit->near2 &&
+                        (height >= edit->highest ||
+                         !conemap__edit_matters(edit, d2, height, conemap__least_floor(map, i, j, reach))))
+                        continue;
+                    conemap__mark_around(edit, i, j, reach, CONEMAP__STORE);
+                    conemap__mark_around(edit, i, j, 2 * reach, CONEMAP__SEARCH);
+                }
+        }
+}
+
+/* The maxima over cells that have a corner in the edit: on a wrapping axis the last cells are corners of the first texel. */
+static void conemap__update_cells(conemap_map *map, const conemap__edit *edit) {
+    int first_u = conemap__first_cell(map->info.wrap_u), first_v = conemap__first_cell(map->info.wrap_v);
+    int x0 = edit->x - 1 + first_u, x1 = edit->x + edit->width - 1 + first_u, last_u = map->cells.width[0] - 1;
+    int y0 = edit->y - 1 + first_v, y1 = edit->y + edit->height - 1 + first_v, last_v = map->cells.height[0] - 1, a, b;
+    for (b = 0; b < 2; ++b)
+        for (a = 0; a < 2; ++a) {
+            if ((a && (x0 >= 0 || map->info.wrap_u != CONEMAP_WRAP)) || (b && (y0 >= 0 || map->info.wrap_v != CONEMAP_WRAP)))
+                continue;
+            conemap__pyramid_region(map, &map->cells, a ? last_u : conemap__maxi(x0, 0), a ? last_u : conemap__mini(x1, last_u),
+                                    b ? last_v : conemap__maxi(y0, 0), b ? last_v : conemap__mini(y1, last_v));
         }
 }
 
@@ -2555,17 +2673,32 @@ static float conemap__rectangle_max(const conemap_map *map, int x, int y, int wi
     return highest;
 }
 
+/* Puts the edit's new heights into the map; returns by how much the hash changes. */
+static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *edit, const unsigned char *heights) {
+    uint64_t change = 0;
+    int i, j;
+    for (j = edit->y; j < edit->y + edit->height; ++j)
+        for (i = edit->x; i < edit->x + edit->width; ++i, heights += sizeof(float)) {
+            size_t at = (size_t)j * (size_t)map->info.width + (size_t)i;
+            change -= conemap__height_hash(map->heights[at], at);
+            memcpy(&map->build.heights[at], heights, sizeof(float));
+            change += conemap__height_hash(map->heights[at], at);
+        }
+    return change;
+}
+
 CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
                                            int height) {
     conemap_map work;
     conemap_desc settings;
     conemap_result result;
     conemap_heights rectangle;
-    size_t memory_size, scratch_size, texels;
-    unsigned char *wanted;
-    void *buffer = NULL; /* a byte a texel, and the rectangle's new heights until all of them are known to be good */
-    float highest;
-    int pass, job, partial, k;
+    conemap__edit edit;
+    size_t memory_size, scratch_size, texels, size;
+    void *buffer = NULL; /* marks, and the rectangle's new heights until all of them are known to be good */
+    unsigned char *heights = NULL;
+    float was_highest;
+    int pass, job, partly, k;
     if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
     settings = *desc;
     result = conemap__resolve(&settings);
@@ -2573,6 +2706,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     settings.memory = map->build.memory;
     settings.memory_size = map->memory_size;
     settings.keep_pyramid = map->cells.levels > 0;
+    settings.keep_search = map->build.keeps_search;
     settings.scratch = NULL; /* an update needs more than a build, so it takes its own */
     settings.progress = NULL;
     memset(&work, 0, sizeof work);
@@ -2584,42 +2718,57 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         width > map->info.width - x || height > map->info.height - y)
         return CONEMAP_ERROR_SIZE;
     texels = conemap__texels(map);
+    size = texels + (size_t)conemap__bands(map->info.height); /* of the marks */
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
     if (result == CONEMAP_OK)
-        result = conemap__take(&settings.allocator, NULL, 0, texels + (size_t)width * (size_t)height * sizeof(float),
-                               &buffer, &k);
-    wanted = (unsigned char *)buffer;
+        result = conemap__take(&settings.allocator, NULL, 0, size + (size_t)width * (size_t)height * sizeof(float), &buffer,
+                               &k);
+    memset(&edit, 0, sizeof edit);
     if (result == CONEMAP_OK) {
-        unsigned char *cursor = wanted + texels;
+        edit.map = &work;
+        edit.x = x;
+        edit.y = y;
+        edit.width = width;
+        edit.height = height;
+        edit.wanted = (unsigned char *)buffer;
+        edit.bands = edit.wanted + texels;
+        heights = edit.wanted + size;
         rectangle = settings.heights;
         rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
                            (ptrdiff_t)x * rectangle.pixel_stride;
         rectangle.width = width;
         for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not aligned */
             result = conemap__decode_row(&work.info, &rectangle, k, work.build.plane);
-            memcpy(cursor, work.build.plane, (size_t)width * sizeof(float));
-            cursor += (size_t)width * sizeof(float);
+            memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane, (size_t)width * sizeof(float));
         }
     }
     if (result == CONEMAP_OK) {
         /* Everything is known and at hand: from here on nothing can fail. */
-        memset(wanted, 0, texels);
-        highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
-        for (k = 0; k < height; ++k)
-            memcpy(work.build.heights + (size_t)(y + k) * (size_t)map->info.width + (size_t)x,
-                   wanted + texels + (size_t)k * (size_t)width * sizeof(float), (size_t)width * sizeof(float));
-        highest = conemap__rectangle_max(map, x, y, width, height, highest);
-        /* Slack depends on the way of the search, and correction on cones that are no longer there: those start afresh. */
-        partial = settings.generator == CONEMAP_EXACT && !(settings.slack > 0.0f) && !(settings.min3x3 && !work.build.rims);
-        if (partial)
-            conemap__mark(&work, wanted, x, y, width, height, highest);
+        was_highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
+        map->info.height_hash += conemap__replace_heights(&work, &edit, heights);
+        edit.highest = conemap__rectangle_max(map, x, y, width, height, was_highest);
+        partly = conemap__updates_partly(&settings, &work.info);
+        memset(edit.wanted, partly ? 0 : CONEMAP__SEARCH | CONEMAP__STORE, size);
+        if (conemap__is_bilinear(&work.info)) {
+            edit.deflate = 0.25f * (work.build.search_u * work.build.search_u + work.build.search_v * work.build.search_v);
+            edit.near2 = edit.deflate / CONEMAP__TOLERANCE;
+        }
+        if (partly) conemap__mark(&edit);
+        work.build.wanted = edit.wanted;
+        if (work.build.keeps_search)
+            conemap__pyramid_region(&work, &work.build.texels, x, x + width - 1, y, y + height - 1);
         else
-            memset(wanted, CONEMAP__SEARCH | CONEMAP__STORE, texels);
-        work.build.wanted = wanted;
-        for (pass = CONEMAP__PASS_STRIPS; pass < CONEMAP__PASS_COUNT; ++pass)
-            for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
-        map->info.height_hash = conemap__survey_heights(map, &map->highest);
+            for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
+                for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
+        for (pass = CONEMAP__PASS_CONES; pass <= CONEMAP__PASS_STORE; ++pass)
+            for (job = 0; job < work.build.pass_jobs[pass]; ++job)
+                if (edit.bands[job]) (void)conemap_run_job(&work, pass, job);
+        if (map->cells.levels > 0) conemap__update_cells(map, &edit);
+        if (edit.highest >= map->highest && work.build.keeps_search)
+            map->highest = conemap__block_max(&work.build.texels, work.build.texels.levels - 1, 0, 0);
+        else if (edit.highest >= map->highest)
+            map->highest = conemap__rectangle_max(map, 0, 0, map->info.width, map->info.height, 0.0f);
     }
     if (buffer) conemap__release(&settings.allocator, buffer, 1);
     conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
@@ -2898,7 +3047,9 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     load.max_tan = info.max_tan;
     load.texture = info.texture;
     load.generator = info.generator;
-    load.min3x3 = 0;
+    load.guarantee = info.guarantee;
+    load.slack = info.slack;
+    load.min3x3 = info.min3x3;
     result = conemap__plan(map, &load, &memory_size, &scratch_size);
     if (result == CONEMAP_OK) result = conemap__allocate(map, memory_size, 0);
     map->info = info;
@@ -2910,10 +3061,14 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
         conemap_free(map);
         return result;
     }
-    for (job = 0; job < map->build.pass_jobs[CONEMAP__PASS_CELLS]; ++job)
-        conemap__pyramid_strip(map, &map->cells, job);
-    if (map->cells.levels > 0) conemap__pyramid_top(map, &map->cells);
-    memset(&map->build.texels, 0, sizeof map->build.texels);
+    if (map->cells.levels > 0)
+        conemap__pyramid_region(map, &map->cells, 0, map->cells.width[0] - 1, 0, map->cells.height[0] - 1);
+    if (map->build.keeps_search) {
+        conemap__pyramid_region(map, &map->build.texels, 0, info.width - 1, 0, info.height - 1);
+        for (job = 0; job < conemap__bands(info.height); ++job) conemap__survey_band(map, job);
+    } else {
+        memset(&map->build.texels, 0, sizeof map->build.texels);
+    }
     memset(map->build.falling, 0, sizeof map->build.falling);
     memset(&map->build.desc, 0, sizeof map->build.desc);
     return CONEMAP_OK;

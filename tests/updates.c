@@ -27,6 +27,7 @@ static conemap_desc make_desc(int k)
     desc.texture.layout = (conemap_layout)(k / 2 % CONEMAP_LAYOUT_COUNT);
     desc.guarantee = k % 4 == 3 ? CONEMAP_GUARANTEE_VERTEX : CONEMAP_GUARANTEE_BILINEAR;
     desc.keep_pyramid = k % 2;
+    desc.keep_search = k / 2 % 3 > 0;
     return desc;
 }
 
@@ -34,7 +35,8 @@ static int same_maps(const conemap_map *a, const conemap_map *b)
 {
     int k;
     if (a->info.height_hash != b->info.height_hash || memcmp(a->heights, b->heights, sizeof heights) ||
-        memcmp(a->cones, b->cones, sizeof heights) || a->cells.levels != b->cells.levels)
+        memcmp(a->cones, b->cones, sizeof heights) || a->cells.levels != b->cells.levels || a->highest < b->highest ||
+        a->highest > b->highest)
         return 0;
     for (k = 1; k < a->cells.levels; ++k) {
         size_t quads = (size_t)((a->cells.width[k] + 1) / 2) * (size_t)((a->cells.height[k] + 1) / 2);
@@ -79,6 +81,58 @@ static void updates_equal_builds(void)
             if (!CHECK(conemap_update(&map, &desc, x, y, w, h) == CONEMAP_OK, "update %d", k)) break;
             REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build %d", k);
             CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y, w, h);
+            conemap_free(&whole);
+        }
+        conemap_free(&map);
+    }
+}
+
+/* The same map by way of its baked bytes. */
+static int reload(conemap_map *map)
+{
+    size_t size = conemap_save_size(map);
+    void *bytes = test_alloc(size);
+    conemap_desc desc;
+    conemap_map loaded;
+    int ok;
+    memset(&desc, 0, sizeof desc);
+    desc.keep_search = 1;
+    ok = conemap_save(map, bytes, size) == CONEMAP_OK && conemap_load(bytes, size, &desc, &loaded) == CONEMAP_OK;
+    test_release(bytes);
+    if (!ok) return 0;
+    conemap_free(map);
+    *map = loaded;
+    return 1;
+}
+
+/* What a map keeps for its updates must follow them: rough ground, whose cones nothing far away can narrow, is smoothed,
+   and then hills are raised that reach it. */
+static void kept_searches_follow(void)
+{
+    enum { SIDE_U = 150, SIDE_V = 110, LARGE = 60, SMALL = 16 };
+    static float land[SIDE_U * SIDE_V];
+    struct zoo_random random = zoo_seed(7);
+    int k, n, i, j;
+    for (k = 0; k < 4; ++k) {
+        conemap_desc desc = make_desc(k);
+        conemap_map map, whole;
+        desc.heights.pixels = land;
+        desc.heights.width = SIDE_U;
+        desc.heights.height = SIDE_V;
+        desc.texture.layout = CONEMAP_HEIGHT_CONE;
+        desc.keep_search = 1;
+        for (i = 0; i < SIDE_U * SIDE_V; ++i) land[i] = 0.45f + 0.1f * zoo_unit(&random);
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build %d", k);
+        for (n = 0; n < 10; ++n) {
+            int size = n % 2 ? SMALL : LARGE;
+            int x = zoo_below(&random, SIDE_U - size + 1), y = zoo_below(&random, SIDE_V - size + 1);
+            if (n == 6) CHECK(reload(&map), "map %d: reloading", k);
+            for (j = y; j < y + size; ++j)
+                for (i = x; i < x + size; ++i) land[j * SIDE_U + i] = n % 2 ? 0.6f + 0.04f * (float)n : 0.45f;
+            CHECK(conemap_update(&map, &desc, x, y, size, size) == CONEMAP_OK, "update %d", k);
+            REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build %d", k);
+            CHECK(!memcmp(map.cones, whole.cones, sizeof land) && map.info.height_hash == whole.info.height_hash,
+                  "map %d edit %d: not what a full build gives", k, n);
             conemap_free(&whole);
         }
         conemap_free(&map);
@@ -212,6 +266,7 @@ static void in_own_memory(void)
 }
 
 const struct test_case updates_tests[] = {
+    {"kept searches follow", kept_searches_follow},
     {"updates equal builds", updates_equal_builds},
     {"other generators", other_generators},
     {"errors leave the map", errors_leave_the_map},
