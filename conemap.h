@@ -549,9 +549,9 @@ typedef struct conemap_report {
        conemap_verify(&map.info, map.heights, map.cones, NULL, &report);
    allocator: null for the default; under 2 bytes a texel (up to 9 on maps of one row or column) are held.
    report: overwritten. OK says only that the report is there; the map is safe if unsafe and unproven are both 0.
-   `worst` is the deepest there is to within 2 % and 2^-20, unless a cell's work ran out.
+   `worst` is the deepest that was found; where the work sufficed, the deepest there is to within 2 % and 2^-20.
    Takes 1 to 10 us a cell on safe maps, more on unsafe ones; cones that follow long even slopes to the last bit
-   take the longest and may stay unproven.
+   take the longest and may stay unproven. Where many cells do, less work is put into each of the others.
    Errors: NULL, SIZE, ENUM, PARAMETER (aspect or max_tan as in a desc, but not 0; a cone NaN, infinite or negative),
    HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
@@ -3198,6 +3198,8 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
 
 #define CONEMAP__VERIFY_DEPTH 64       /* halvings of a pair of cells, four sides together */
 #define CONEMAP__VERIFY_WORK (1 << 19) /* pairs of rectangles looked at in one pass over a cell */
+#define CONEMAP__VERIFY_DEEPER (1 << 12) /* and once a witness is found, for a deeper one */
+#define CONEMAP__VERIFY_CREDIT (1 << 28) /* pairs spent in vain, over all cells, from which on passes are cut to a 32nd */
 #define CONEMAP__VERIFY_APEX (1.0 / 1048576.0)
 #define CONEMAP__VERIFY_GRAIN (1.0 / 1099511627776.0)
 
@@ -3216,6 +3218,7 @@ typedef struct conemap__proof {
     double slack;           /* how far the surface may rise above a cone: once the cell has a witness, only a
                                deeper one is of interest */
     int depth, work;        /* halvings allowed; pairs that may still be looked at */
+    int credit;             /* pairs that may still be spent in vain */
     int found, open;        /* a witness; a pair that nothing settled */
 } conemap__proof;
 
@@ -3328,6 +3331,7 @@ static void conemap__witness(conemap__proof *proof, double u, double v, double d
         report->v = (float)((v + 0.5) / (double)proof->map->info.height);
     }
     proof->found = 1;
+    proof->work = conemap__mini(proof->work, CONEMAP__VERIFY_DEEPER);
     proof->slack = CONEMAP__VERIFY_APEX + (1.0 + 1.0 / 64.0) * report->worst + 1.0 / 1048576.0;
 }
 
@@ -3459,11 +3463,13 @@ static void conemap__prove_cell(conemap__proof *proof, int i, int j) {
     proof->slack = CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN;
     proof->found = 0;
     proof->open = 1;
-    for (pass = 0; pass < 4 && proof->open; ++pass) {
+    for (pass = 0; pass < 4 && proof->open && !proof->found; ++pass) {
         proof->depth = depths[pass];
-        proof->work = CONEMAP__VERIFY_WORK;
+        int work = proof->credit > 0 ? CONEMAP__VERIFY_WORK : CONEMAP__VERIFY_WORK / 32;
+        proof->work = work;
         proof->open = 0;
         conemap__prove_pass(proof, &apices);
+        if (proof->open && !proof->found) proof->credit = conemap__maxi(0, proof->credit - (work - conemap__maxi(proof->work, 0)));
     }
     if (proof->found)
         ++proof->report->unsafe;
@@ -3554,6 +3560,7 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
     conemap__pyramid_top(&map, &map.cells);
 
     memset(&proof, 0, sizeof proof);
+    proof.credit = CONEMAP__VERIFY_CREDIT;
     proof.map = &map;
     proof.report = report;
     proof.a = info->width > 1 ? 1.0 / (double)info->width : 0.0;
@@ -4242,6 +4249,8 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__KNOWN
 #undef CONEMAP__VERIFY_DEPTH
 #undef CONEMAP__VERIFY_WORK
+#undef CONEMAP__VERIFY_DEEPER
+#undef CONEMAP__VERIFY_CREDIT
 #undef CONEMAP__VERIFY_APEX
 #undef CONEMAP__VERIFY_GRAIN
 #undef CONEMAP__FILE_WORDS
