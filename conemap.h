@@ -3198,7 +3198,7 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
 
 #define CONEMAP__VERIFY_DEPTH 64       /* halvings of a pair of cells, four sides together */
 #define CONEMAP__VERIFY_WORK (1 << 19) /* pairs of rectangles looked at in one pass over a cell */
-#define CONEMAP__VERIFY_DEEPER (1 << 12) /* and once a witness is found, for a deeper one */
+#define CONEMAP__VERIFY_DEEPER (1 << 13) /* and once a witness is found, for a deeper one */
 #define CONEMAP__VERIFY_CREDIT (1 << 28) /* pairs spent in vain, over all cells, from which on passes are cut to a 32nd */
 #define CONEMAP__VERIFY_APEX (1.0 / 1048576.0)
 #define CONEMAP__VERIFY_GRAIN (1.0 / 1099511627776.0)
@@ -3463,13 +3463,15 @@ static void conemap__prove_cell(conemap__proof *proof, int i, int j) {
     proof->slack = CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN;
     proof->found = 0;
     proof->open = 1;
-    for (pass = 0; pass < 4 && proof->open && !proof->found; ++pass) {
+    for (pass = 0; pass < 4 && proof->open; ++pass) {
         proof->depth = depths[pass];
         int work = proof->credit > 0 ? CONEMAP__VERIFY_WORK : CONEMAP__VERIFY_WORK / 32;
+        if (proof->found) work = conemap__mini(work, CONEMAP__VERIFY_DEEPER);
         proof->work = work;
         proof->open = 0;
         conemap__prove_pass(proof, &apices);
-        if (proof->open && !proof->found) proof->credit = conemap__maxi(0, proof->credit - (work - conemap__maxi(proof->work, 0)));
+        if (proof->found) work = conemap__mini(work, CONEMAP__VERIFY_DEEPER);
+        if (proof->open) proof->credit = conemap__maxi(0, proof->credit - (work - conemap__maxi(proof->work, 0)));
     }
     if (proof->found)
         ++proof->report->unsafe;
