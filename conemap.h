@@ -40,6 +40,7 @@
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
        P Y R A M I D               maxima over blocks, any size
+       K E R N E L S               instruction sets; the kernels themselves come last in the file
        G E N E R A T I O N         ring search, exact, quick, relaxed, correction
        S A F E   C O N E S         for the bilinear surface, with the proof; relaxed cones that are safe
        B U I L D   P A S S E S     validation, memory plan, jobs, updates
@@ -54,6 +55,7 @@
        CONEMAP_API                 your own linkage, e.g. __declspec(dllexport)
        CONEMAP_MALLOC(size)        both or neither: replace malloc and free as the default allocator
        CONEMAP_FREE(pointer)
+       CONEMAP_SELF                the name under which this file includes itself, if it is not "conemap.h"
 
    SOURCES
        [Dum06]  J. Dummer, Cone Step Mapping, 2006
@@ -232,6 +234,17 @@ typedef enum conemap_guarantee { /* what a map's cones promise, kept in its info
     CONEMAP_GUARANTEE_COUNT
 } conemap_guarantee;
 
+typedef enum conemap_isa { /* the instruction set that builds; bits do not depend on it */
+    CONEMAP_ISA_DEFAULT = 0, /* the best that compiler, machine and system have */
+    CONEMAP_ISA_SCALAR,      /* plain C */
+    CONEMAP_ISA_SSE2,        /* x86, chosen at run time; no compiler flag is needed */
+    CONEMAP_ISA_AVX2,
+    CONEMAP_ISA_AVX512,      /* F, BW, DQ, VL */
+    CONEMAP_ISA_NEON,        /* 64-bit ARM */
+    CONEMAP_ISA_WASM,        /* SIMD128, compiled with -msimd128 */
+    CONEMAP_ISA_COUNT
+} conemap_isa;
+
 /* A heightmap in the caller's memory. Read during the build only; never written. */
 typedef struct conemap_heights {
     const void *pixels;     /* the first texel of row 0 */
@@ -297,6 +310,8 @@ typedef struct conemap_desc {
                                job(context, count - 1) on any threads in any order, return when all are done;
                                null: this thread */
     void *parallel_user;
+
+    conemap_isa isa;        /* 0: the best there is. One that conemap_isa_available denies is UNSUPPORTED */
 } conemap_desc;
 
 /* What a map is: travels with baked bytes so that no reader can disagree with them. */
@@ -330,6 +345,7 @@ typedef struct conemap_map {
     conemap_pyramid cells;  /* maxima over bilinear cells, with keep_pyramid */
     float highest;          /* of the heights */
     size_t memory_size;     /* bytes held */
+    conemap_isa isa;        /* what it was built or loaded with; never DEFAULT */
     struct {                /* private */
         void *memory, *scratch;
         int owns_memory, owns_scratch;
@@ -454,6 +470,11 @@ CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memo
 CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
                                           int height);
 
+/* Nonzero if a desc may ask for this instruction set here. Asks the processor, which takes a while in virtual machines. */
+CONEMAP_API int conemap_isa_available(conemap_isa isa);
+/* Its name: a constant string, never null, also for values outside the enum. */
+CONEMAP_API const char *conemap_isa_name(conemap_isa isa);
+
 /* The same build in pieces, for a host's own job system:
        conemap_begin(&desc, &map);
        for (pass = 0; pass < conemap_pass_count(&map); ++pass)
@@ -496,8 +517,8 @@ CONEMAP_API conemap_result conemap_save(const conemap_map *map, void *bytes, siz
 CONEMAP_API conemap_result conemap_load_info(const void *bytes, size_t size, conemap_info *info);
 
 /* Loads baked bytes as a map to sample and trace; the bytes are copied.
-   desc: may be null; its allocator, memory, keep_pyramid and keep_search are used, and its heights, if given, are compared
-   with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and those
+   desc: may be null; its allocator, memory, keep_pyramid, keep_search and isa are used, and its heights, if given, are
+   compared with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and those
    of conemap_build; on any of them *map is zeroed. */
 CONEMAP_API conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
                                         conemap_map *map);
@@ -691,21 +712,6 @@ static double conemap__normalising_power(double x) {
     return power;
 }
 
-static float conemap__half_to_float(uint32_t half) {
-    uint32_t sign = (half & 0x8000u) << 16, exponent = (half >> 10) & 31u, mantissa = half & 1023u;
-    if (exponent == 0) {
-        float tiny = (float)mantissa * (1.0f / 16777216.0f);
-        return sign ? -tiny : tiny;
-    }
-    return conemap__from_bits(sign | (exponent == 31 ? 0x7f800000u : (exponent + 112u) << 23) | mantissa << 13);
-}
-
-/* The largest half float at or below x, for 0 <= x <= 65504. */
-static uint32_t conemap__half_down(float x) {
-    if (x < 1.0f / 16384.0f) return (uint32_t)(x * 16777216.0f);
-    return (conemap__bits(x) >> 13) - (112u << 10);
-}
-
 /* Adds count * size bytes, rounded up to the alignment, to *total; 0 where size_t cannot hold it. */
 static int conemap__add_size(size_t *total, size_t count, size_t size) {
     size_t bytes;
@@ -740,25 +746,17 @@ static size_t conemap__format_size(conemap_format format) {
     return format == CONEMAP_F32 ? 4u : format == CONEMAP_UNORM8 ? 1u : 2u;
 }
 
+/* Kernels with one lane: see K E R N E L S. */
+CONEMAP__INLINE float conemap__value_scalar(conemap_format format, int32_t code);
+CONEMAP__INLINE int32_t conemap__code_down_scalar(conemap_format format, float x);
+
 CONEMAP__INLINE float conemap__value(conemap_format format, uint32_t code) {
-    switch (format) {
-    case CONEMAP_F16: return conemap__half_to_float(code);
-    case CONEMAP_UNORM16: return (float)code / 65535.0f;
-    case CONEMAP_UNORM8: return (float)code / 255.0f;
-    default: return conemap__from_bits(code);
-    }
+    return conemap__value_scalar(format, (int32_t)code);
 }
 
 /* The code of the largest value at or below x, for 0 <= x. Unorm formats hold at most 1. */
-static uint32_t conemap__code_down(conemap_format format, float x) {
-    uint32_t code;
-    switch (format) {
-    case CONEMAP_F16: return conemap__half_down(conemap__min(x, 65504.0f));
-    case CONEMAP_UNORM16: code = (uint32_t)(conemap__min(x, 1.0f) * 65535.0f); break;
-    case CONEMAP_UNORM8: code = (uint32_t)(conemap__min(x, 1.0f) * 255.0f); break;
-    default: return conemap__bits(x);
-    }
-    return code > 0 && conemap__value(format, code) > x ? code - 1 : code; /* the product may round up */
+CONEMAP__INLINE uint32_t conemap__code_down(conemap_format format, float x) {
+    return (uint32_t)conemap__code_down_scalar(format, x);
 }
 
 /* The code of the nearest value; unorm formats clamp to 0..1, halves to their finite range. */
@@ -772,8 +770,8 @@ static uint32_t conemap__code_near(conemap_format format, float x) {
     }
     code = conemap__code_down(format, x);
     if (format == CONEMAP_F16) {
-        float below = x - conemap__half_to_float(code);
-        float above = code < 0x7bffu ? conemap__half_to_float(code + 1) - x : CONEMAP__FAR;
+        float below = x - conemap__value(format, code);
+        float above = code < 0x7bffu ? conemap__value(format, code + 1) - x : CONEMAP__FAR;
         return sign | (below > above || (below == above && (code & 1u)) ? code + 1 : code);
     }
     return format == CONEMAP_UNORM8 ? (uint32_t)(conemap__min(x, 1.0f) * 255.0f + 0.5f)
@@ -788,6 +786,13 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     case CONEMAP_UNORM8: return bytes[0];
     default: memcpy(&half, bytes, 2); return half;
     }
+}
+
+/* Any alignment. */
+CONEMAP__INLINE int32_t conemap__four_bytes(const unsigned char *bytes) {
+    int32_t word;
+    memcpy(&word, bytes, 4);
+    return word;
 }
 
 static void conemap__write_code(conemap_format format, unsigned char *bytes, uint32_t code) {
@@ -811,19 +816,6 @@ CONEMAP__INLINE float conemap__decode_tan(const conemap_info *info, float height
 
 CONEMAP__DEF float conemap_decode(const conemap_info *info, float height, float stored) {
     return info ? conemap__decode_tan(info, height, stored) : 0.0f;
-}
-
-/* The widest stored value that decodes to no more than tan: rounding to nearest, as [Dum06] stores, widens. */
-static float conemap__store_cone(const conemap_info *info, float height, float tangent) {
-    const conemap_texture *texture = &info->texture;
-    float value = texture->encoding == CONEMAP_SQRT     ? sqrtf(tangent)
-                  : texture->encoding == CONEMAP_RADIUS ? (1.0f - height) * tangent
-                                                        : tangent;
-    uint32_t code = conemap__code_down(texture->format, value);
-    while (code > 0 &&
-           conemap__decode_tan(info, height, conemap__value(texture->format, code)) > tangent)
-        --code;
-    return conemap__value(texture->format, code);
 }
 
 /* ======================================================================================================
@@ -1004,6 +996,473 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
     for (k = 0; k < pyramid->levels; ++k)
         if (pyramid->level[k])
             conemap__pyramid_blocks(map, pyramid, k, x0 >> k, (x1 >> k) + 1, y0 >> k, (y1 >> k) + 1);
+}
+
+/* ======================================================================================================
+   K E R N E L S
+
+   What is done to row after row of texels is written once, at the end of this file, in the macros below, and compiled once
+   for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew each
+   time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all instruction
+   sets give the same bits; with one lane it is plain C.
+
+   Types CONEMAP__F, CONEMAP__I, CONEMAP__M hold CONEMAP__LANES floats, int32s and truth values:
+       F1 I1              the same number in all lanes         LOADF LOADI STOREF STOREI   any alignment
+       LOADU8 LOADU16     codes to int lanes                   GATHERF(base, indices)
+       ADD SUB MUL DIV SQRT MIN MAX                            floats; MIN is a < b ? a : b, MAX is a > b ? a : b
+       IADD ISUB IAND IOR ISHL ISHR (logical)                  ints
+       LT LE IGT IEQ      compare; AND OR ANDNOT (a and not b) masks; PICK PICKI (mask ? a : b)
+       ANY BITS           does some lane hold; one bit for each lane that holds, lane 0 lowest
+       TOF TOI            between numbers, towards zero        BITSF BITSI   the same bits as another type
+       EVEN ODD           every second lane of two vectors in a row
+   To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
+   kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
+   cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
+   carry the attribute that lets a function use its instruction set, so no compiler flag is needed.
+   ====================================================================================================== */
+
+#ifndef CONEMAP_SELF
+#define CONEMAP_SELF "conemap.h"
+#endif
+
+/* What the compiler can make. 32-bit x86 without SSE2 rounds in its own way and gets plain C. */
+#if defined(__TINYC__)
+#elif (defined(__x86_64__) || (defined(__i386__) && defined(__SSE2__))) && (defined(__GNUC__) || defined(__clang__))
+#define CONEMAP__X86
+#include <immintrin.h>
+#elif defined(_M_X64) && defined(_MSC_VER)
+#define CONEMAP__X86
+#include <intrin.h>
+#include <immintrin.h>
+#elif defined(__aarch64__) && defined(__ARM_NEON) && !defined(__AARCH64EB__)
+#define CONEMAP__ARM
+#include <arm_neon.h>
+#elif defined(__wasm_simd128__)
+#define CONEMAP__WASM
+#include <wasm_simd128.h>
+#endif
+
+/* The kernels of one instruction set. `count` is always in texels. */
+typedef struct conemap__kernels {
+    /* Reads row y of the caller's heights as the texture will hold them; 0 if one is not a height. */
+    int (*decode_row)(const conemap_info *info, const conemap_heights *heights, int y, float *row);
+    /* Each the least of its 3x3: three rows of `width`, of which texels first..first + count - 1 are asked for. */
+    void (*narrowest_row)(const float *const *rows, int width, int wraps, int first, int count, float *out);
+    /* The cones of the steepest squared slopes among `rows` planes: 1 / sqrt(s) * margin, at most max_tan. */
+    void (*tangent_row)(const float *const *slopes2, int rows, float margin, float max_tan, int count, float *out);
+    /* The widest stored values that decode to no more than the tangents. */
+    void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
+} conemap__kernels;
+
+#define CONEMAP__KERNEL_LIST(isa)                                                                          \
+    { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa }
+
+/* ---- plain C ------------------------------------------------------------------------------------------------- */
+#define CONEMAP__LANES 1
+#define CONEMAP__KERNEL(name) conemap__##name##_scalar
+#define CONEMAP__TARGET
+#define CONEMAP__F float
+#define CONEMAP__I int32_t
+#define CONEMAP__M int
+#define CONEMAP__F1(x) (x)
+#define CONEMAP__I1(x) (x)
+#define CONEMAP__LOADF(p) (*(p))
+#define CONEMAP__STOREF(p, v) ((void)(*(p) = (v)))
+#define CONEMAP__LOADI(p) (*(p))
+#define CONEMAP__STOREI(p, v) ((void)(*(p) = (v)))
+#define CONEMAP__LOADU8(p) ((int32_t)*(p))
+#define CONEMAP__LOADU16(p) ((int32_t)conemap__read_code(CONEMAP_UNORM16, (p)))
+#define CONEMAP__GATHERF(base, i) ((base)[i])
+#define CONEMAP__ADD(a, b) ((a) + (b))
+#define CONEMAP__SUB(a, b) ((a) - (b))
+#define CONEMAP__MUL(a, b) ((a) * (b))
+#define CONEMAP__DIV(a, b) ((a) / (b))
+#define CONEMAP__SQRT(a) sqrtf(a)
+#define CONEMAP__MIN(a, b) conemap__min((a), (b))
+#define CONEMAP__MAX(a, b) conemap__max((a), (b))
+#define CONEMAP__IADD(a, b) ((int32_t)((uint32_t)(a) + (uint32_t)(b)))
+#define CONEMAP__ISUB(a, b) ((int32_t)((uint32_t)(a) - (uint32_t)(b)))
+#define CONEMAP__IAND(a, b) ((a) & (b))
+#define CONEMAP__IOR(a, b) ((a) | (b))
+#define CONEMAP__ISHL(a, n) ((int32_t)((uint32_t)(a) << (n)))
+#define CONEMAP__ISHR(a, n) ((int32_t)((uint32_t)(a) >> (n)))
+#define CONEMAP__LT(a, b) ((a) < (b))
+#define CONEMAP__LE(a, b) ((a) <= (b))
+#define CONEMAP__IGT(a, b) ((a) > (b))
+#define CONEMAP__IEQ(a, b) ((a) == (b))
+#define CONEMAP__AND(a, b) ((a) & (b))
+#define CONEMAP__OR(a, b) ((a) | (b))
+#define CONEMAP__ANDNOT(a, b) ((a) & !(b))
+#define CONEMAP__PICK(m, a, b) ((m) ? (a) : (b))
+#define CONEMAP__PICKI(m, a, b) ((m) ? (a) : (b))
+#define CONEMAP__ANY(m) (m)
+#define CONEMAP__BITS(m) (m)
+#define CONEMAP__TOF(i) ((float)(i))
+#define CONEMAP__TOI(f) ((int32_t)(f))
+#define CONEMAP__BITSF(i) conemap__from_bits((uint32_t)(i))
+#define CONEMAP__BITSI(f) ((int32_t)conemap__bits(f))
+#define CONEMAP__EVEN(a, b) (a)
+#define CONEMAP__ODD(a, b) (b)
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(scalar);
+
+#ifdef CONEMAP__X86
+#ifdef _MSC_VER
+#define CONEMAP__ATTRIBUTE(features)
+#else
+#define CONEMAP__ATTRIBUTE(features) __attribute__((target(features)))
+#endif
+
+/* ---- SSE2 ---------------------------------------------------------------------------------------------------- */
+#define CONEMAP__LANES 4
+#define CONEMAP__KERNEL(name) conemap__##name##_sse2
+#define CONEMAP__TARGET
+#define CONEMAP__F __m128
+#define CONEMAP__I __m128i
+#define CONEMAP__M __m128
+#define CONEMAP__F1(x) _mm_set1_ps(x)
+#define CONEMAP__I1(x) _mm_set1_epi32(x)
+#define CONEMAP__LOADF(p) _mm_loadu_ps(p)
+#define CONEMAP__STOREF(p, v) _mm_storeu_ps(p, v)
+#define CONEMAP__LOADI(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define CONEMAP__STOREI(p, v) _mm_storeu_si128((__m128i *)(void *)(p), v)
+#define CONEMAP__LOADU8(p)                                                                                 \
+    _mm_unpacklo_epi16(_mm_unpacklo_epi8(_mm_cvtsi32_si128(conemap__four_bytes(p)), _mm_setzero_si128()),  \
+                       _mm_setzero_si128())
+#define CONEMAP__LOADU16(p) _mm_unpacklo_epi16(_mm_loadl_epi64((const __m128i *)(const void *)(p)), _mm_setzero_si128())
+#define CONEMAP__GATHERF(base, i)                                                                          \
+    _mm_set_ps((base)[_mm_cvtsi128_si32(_mm_shuffle_epi32(i, 255))],                                       \
+               (base)[_mm_cvtsi128_si32(_mm_shuffle_epi32(i, 170))],                                       \
+               (base)[_mm_cvtsi128_si32(_mm_shuffle_epi32(i, 85))], (base)[_mm_cvtsi128_si32(i)])
+#define CONEMAP__ADD(a, b) _mm_add_ps(a, b)
+#define CONEMAP__SUB(a, b) _mm_sub_ps(a, b)
+#define CONEMAP__MUL(a, b) _mm_mul_ps(a, b)
+#define CONEMAP__DIV(a, b) _mm_div_ps(a, b)
+#define CONEMAP__SQRT(a) _mm_sqrt_ps(a)
+#define CONEMAP__MIN(a, b) _mm_min_ps(a, b)
+#define CONEMAP__MAX(a, b) _mm_max_ps(a, b)
+#define CONEMAP__IADD(a, b) _mm_add_epi32(a, b)
+#define CONEMAP__ISUB(a, b) _mm_sub_epi32(a, b)
+#define CONEMAP__IAND(a, b) _mm_and_si128(a, b)
+#define CONEMAP__IOR(a, b) _mm_or_si128(a, b)
+#define CONEMAP__ISHL(a, n) _mm_slli_epi32(a, n)
+#define CONEMAP__ISHR(a, n) _mm_srli_epi32(a, n)
+#define CONEMAP__LT(a, b) _mm_cmplt_ps(a, b)
+#define CONEMAP__LE(a, b) _mm_cmple_ps(a, b)
+#define CONEMAP__IGT(a, b) _mm_castsi128_ps(_mm_cmpgt_epi32(a, b))
+#define CONEMAP__IEQ(a, b) _mm_castsi128_ps(_mm_cmpeq_epi32(a, b))
+#define CONEMAP__AND(a, b) _mm_and_ps(a, b)
+#define CONEMAP__OR(a, b) _mm_or_ps(a, b)
+#define CONEMAP__ANDNOT(a, b) _mm_andnot_ps(b, a)
+#define CONEMAP__PICK(m, a, b) _mm_or_ps(_mm_and_ps(m, a), _mm_andnot_ps(m, b))
+#define CONEMAP__PICKI(m, a, b)                                                                            \
+    _mm_or_si128(_mm_and_si128(_mm_castps_si128(m), a), _mm_andnot_si128(_mm_castps_si128(m), b))
+#define CONEMAP__ANY(m) (_mm_movemask_ps(m) != 0)
+#define CONEMAP__BITS(m) _mm_movemask_ps(m)
+#define CONEMAP__TOF(i) _mm_cvtepi32_ps(i)
+#define CONEMAP__TOI(f) _mm_cvttps_epi32(f)
+#define CONEMAP__BITSF(i) _mm_castsi128_ps(i)
+#define CONEMAP__BITSI(f) _mm_castps_si128(f)
+#define CONEMAP__EVEN(a, b) _mm_shuffle_ps(a, b, 0x88)
+#define CONEMAP__ODD(a, b) _mm_shuffle_ps(a, b, 0xdd)
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2);
+
+/* ---- AVX2 ---------------------------------------------------------------------------------------------------- */
+#define CONEMAP__LANES 8
+#define CONEMAP__KERNEL(name) conemap__##name##_avx2
+#define CONEMAP__TARGET CONEMAP__ATTRIBUTE("avx2")
+#define CONEMAP__F __m256
+#define CONEMAP__I __m256i
+#define CONEMAP__M __m256
+#define CONEMAP__F1(x) _mm256_set1_ps(x)
+#define CONEMAP__I1(x) _mm256_set1_epi32(x)
+#define CONEMAP__LOADF(p) _mm256_loadu_ps(p)
+#define CONEMAP__STOREF(p, v) _mm256_storeu_ps(p, v)
+#define CONEMAP__LOADI(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define CONEMAP__STOREI(p, v) _mm256_storeu_si256((__m256i *)(void *)(p), v)
+#define CONEMAP__LOADU8(p) _mm256_cvtepu8_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(p)))
+#define CONEMAP__LOADU16(p) _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(const void *)(p)))
+#define CONEMAP__GATHERF(base, i) _mm256_i32gather_ps(base, i, 4)
+#define CONEMAP__ADD(a, b) _mm256_add_ps(a, b)
+#define CONEMAP__SUB(a, b) _mm256_sub_ps(a, b)
+#define CONEMAP__MUL(a, b) _mm256_mul_ps(a, b)
+#define CONEMAP__DIV(a, b) _mm256_div_ps(a, b)
+#define CONEMAP__SQRT(a) _mm256_sqrt_ps(a)
+#define CONEMAP__MIN(a, b) _mm256_min_ps(a, b)
+#define CONEMAP__MAX(a, b) _mm256_max_ps(a, b)
+#define CONEMAP__IADD(a, b) _mm256_add_epi32(a, b)
+#define CONEMAP__ISUB(a, b) _mm256_sub_epi32(a, b)
+#define CONEMAP__IAND(a, b) _mm256_and_si256(a, b)
+#define CONEMAP__IOR(a, b) _mm256_or_si256(a, b)
+#define CONEMAP__ISHL(a, n) _mm256_slli_epi32(a, n)
+#define CONEMAP__ISHR(a, n) _mm256_srli_epi32(a, n)
+#define CONEMAP__LT(a, b) _mm256_cmp_ps(a, b, _CMP_LT_OQ)
+#define CONEMAP__LE(a, b) _mm256_cmp_ps(a, b, _CMP_LE_OQ)
+#define CONEMAP__IGT(a, b) _mm256_castsi256_ps(_mm256_cmpgt_epi32(a, b))
+#define CONEMAP__IEQ(a, b) _mm256_castsi256_ps(_mm256_cmpeq_epi32(a, b))
+#define CONEMAP__AND(a, b) _mm256_and_ps(a, b)
+#define CONEMAP__OR(a, b) _mm256_or_ps(a, b)
+#define CONEMAP__ANDNOT(a, b) _mm256_andnot_ps(b, a)
+#define CONEMAP__PICK(m, a, b) _mm256_blendv_ps(b, a, m)
+#define CONEMAP__PICKI(m, a, b) _mm256_blendv_epi8(b, a, _mm256_castps_si256(m))
+#define CONEMAP__ANY(m) (_mm256_movemask_ps(m) != 0)
+#define CONEMAP__BITS(m) _mm256_movemask_ps(m)
+#define CONEMAP__TOF(i) _mm256_cvtepi32_ps(i)
+#define CONEMAP__TOI(f) _mm256_cvttps_epi32(f)
+#define CONEMAP__BITSF(i) _mm256_castsi256_ps(i)
+#define CONEMAP__BITSI(f) _mm256_castps_si256(f)
+#define CONEMAP__EVEN(a, b)                                                                                \
+    _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0x88)), 0xd8))
+#define CONEMAP__ODD(a, b)                                                                                 \
+    _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0xdd)), 0xd8))
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2);
+
+/* ---- AVX-512: masks are bits ----------------------------------------------------------------------------------- */
+#define CONEMAP__LANES 16
+#define CONEMAP__KERNEL(name) conemap__##name##_avx512
+#define CONEMAP__TARGET CONEMAP__ATTRIBUTE("avx512f,avx512bw,avx512dq,avx512vl")
+#define CONEMAP__F __m512
+#define CONEMAP__I __m512i
+#define CONEMAP__M __mmask16
+#define CONEMAP__F1(x) _mm512_set1_ps(x)
+#define CONEMAP__I1(x) _mm512_set1_epi32(x)
+#define CONEMAP__LOADF(p) _mm512_loadu_ps(p)
+#define CONEMAP__STOREF(p, v) _mm512_storeu_ps(p, v)
+#define CONEMAP__LOADI(p) _mm512_loadu_si512(p)
+#define CONEMAP__STOREI(p, v) _mm512_storeu_si512(p, v)
+#define CONEMAP__ALL ((__mmask16)0xffff) /* gcc 12 warns about its own headers without a mask */
+#define CONEMAP__LOADU8(p) _mm512_maskz_cvtepu8_epi32(CONEMAP__ALL, _mm_loadu_si128((const __m128i *)(const void *)(p)))
+#define CONEMAP__LOADU16(p)                                                                                \
+    _mm512_maskz_cvtepu16_epi32(CONEMAP__ALL, _mm256_loadu_si256((const __m256i *)(const void *)(p)))
+#define CONEMAP__GATHERF(base, i) _mm512_mask_i32gather_ps(_mm512_setzero_ps(), CONEMAP__ALL, i, base, 4)
+#define CONEMAP__ADD(a, b) _mm512_add_ps(a, b)
+#define CONEMAP__SUB(a, b) _mm512_sub_ps(a, b)
+#define CONEMAP__MUL(a, b) _mm512_mul_ps(a, b)
+#define CONEMAP__DIV(a, b) _mm512_div_ps(a, b)
+#define CONEMAP__SQRT(a) _mm512_maskz_sqrt_ps(CONEMAP__ALL, a)
+#define CONEMAP__MIN(a, b) _mm512_maskz_min_ps(CONEMAP__ALL, a, b)
+#define CONEMAP__MAX(a, b) _mm512_maskz_max_ps(CONEMAP__ALL, a, b)
+#define CONEMAP__IADD(a, b) _mm512_add_epi32(a, b)
+#define CONEMAP__ISUB(a, b) _mm512_sub_epi32(a, b)
+#define CONEMAP__IAND(a, b) _mm512_and_si512(a, b)
+#define CONEMAP__IOR(a, b) _mm512_or_si512(a, b)
+#define CONEMAP__ISHL(a, n) _mm512_maskz_slli_epi32(CONEMAP__ALL, a, n)
+#define CONEMAP__ISHR(a, n) _mm512_maskz_srli_epi32(CONEMAP__ALL, a, n)
+#define CONEMAP__LT(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ)
+#define CONEMAP__LE(a, b) _mm512_cmp_ps_mask(a, b, _CMP_LE_OQ)
+#define CONEMAP__IGT(a, b) _mm512_cmpgt_epi32_mask(a, b)
+#define CONEMAP__IEQ(a, b) _mm512_cmpeq_epi32_mask(a, b)
+#define CONEMAP__AND(a, b) ((__mmask16)((a) & (b)))
+#define CONEMAP__OR(a, b) ((__mmask16)((a) | (b)))
+#define CONEMAP__ANDNOT(a, b) ((__mmask16)((a) & ~(b)))
+#define CONEMAP__PICK(m, a, b) _mm512_mask_blend_ps(m, b, a)
+#define CONEMAP__PICKI(m, a, b) _mm512_mask_blend_epi32(m, b, a)
+#define CONEMAP__ANY(m) ((m) != 0)
+#define CONEMAP__BITS(m) ((int)(m))
+#define CONEMAP__TOF(i) _mm512_maskz_cvtepi32_ps(CONEMAP__ALL, i)
+#define CONEMAP__TOI(f) _mm512_maskz_cvttps_epi32(CONEMAP__ALL, f)
+#define CONEMAP__BITSF(i) _mm512_castsi512_ps(i)
+#define CONEMAP__BITSI(f) _mm512_castps_si512(f)
+#define CONEMAP__EVEN(a, b)                                                                                \
+    _mm512_permutex2var_ps(a, _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30), b)
+#define CONEMAP__ODD(a, b)                                                                                 \
+    _mm512_permutex2var_ps(a, _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31), b)
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx512);
+#undef CONEMAP__ALL
+#endif
+
+#ifdef CONEMAP__ARM
+/* ---- NEON, 64-bit: the 32-bit one has no division and flushes small numbers to zero ------------------------------ */
+#define CONEMAP__LANES 4
+#define CONEMAP__KERNEL(name) conemap__##name##_neon
+#define CONEMAP__TARGET
+#define CONEMAP__F float32x4_t
+#define CONEMAP__I int32x4_t
+#define CONEMAP__M uint32x4_t
+#define CONEMAP__F1(x) vdupq_n_f32(x)
+#define CONEMAP__I1(x) vdupq_n_s32(x)
+#define CONEMAP__LOADF(p) vld1q_f32(p)
+#define CONEMAP__STOREF(p, v) vst1q_f32(p, v)
+#define CONEMAP__LOADI(p) vld1q_s32(p)
+#define CONEMAP__STOREI(p, v) vst1q_s32(p, v)
+#define CONEMAP__LOADU8(p)                                                                                 \
+    vreinterpretq_s32_u32(vmovl_u16(vget_low_u16(vmovl_u8(vcreate_u8((uint32_t)conemap__four_bytes(p))))))
+#define CONEMAP__LOADU16(p) vreinterpretq_s32_u32(vmovl_u16(vreinterpret_u16_u8(vld1_u8(p))))
+#define CONEMAP__GATHERF(base, i)                                                                          \
+    vsetq_lane_f32((base)[vgetq_lane_s32(i, 3)],                                                           \
+        vsetq_lane_f32((base)[vgetq_lane_s32(i, 2)],                                                       \
+            vsetq_lane_f32((base)[vgetq_lane_s32(i, 1)], vdupq_n_f32((base)[vgetq_lane_s32(i, 0)]), 1), 2), 3)
+#define CONEMAP__ADD(a, b) vaddq_f32(a, b)
+#define CONEMAP__SUB(a, b) vsubq_f32(a, b)
+#define CONEMAP__MUL(a, b) vmulq_f32(a, b)
+#define CONEMAP__DIV(a, b) vdivq_f32(a, b)
+#define CONEMAP__SQRT(a) vsqrtq_f32(a)
+#define CONEMAP__MIN(a, b) vminq_f32(a, b)
+#define CONEMAP__MAX(a, b) vmaxq_f32(a, b)
+#define CONEMAP__IADD(a, b) vaddq_s32(a, b)
+#define CONEMAP__ISUB(a, b) vsubq_s32(a, b)
+#define CONEMAP__IAND(a, b) vandq_s32(a, b)
+#define CONEMAP__IOR(a, b) vorrq_s32(a, b)
+#define CONEMAP__ISHL(a, n) vshlq_n_s32(a, n)
+#define CONEMAP__ISHR(a, n) vreinterpretq_s32_u32(vshrq_n_u32(vreinterpretq_u32_s32(a), n))
+#define CONEMAP__LT(a, b) vcltq_f32(a, b)
+#define CONEMAP__LE(a, b) vcleq_f32(a, b)
+#define CONEMAP__IGT(a, b) vcgtq_s32(a, b)
+#define CONEMAP__IEQ(a, b) vceqq_s32(a, b)
+#define CONEMAP__AND(a, b) vandq_u32(a, b)
+#define CONEMAP__OR(a, b) vorrq_u32(a, b)
+#define CONEMAP__ANDNOT(a, b) vbicq_u32(a, b)
+#define CONEMAP__PICK(m, a, b) vbslq_f32(m, a, b)
+#define CONEMAP__PICKI(m, a, b) vbslq_s32(m, a, b)
+#define CONEMAP__ANY(m) (vmaxvq_u32(m) != 0)
+#define CONEMAP__BITS(m)                                                                                   \
+    ((int)vaddvq_u32(vandq_u32(m, vcombine_u32(vcreate_u32(UINT64_C(0x200000001)), vcreate_u32(UINT64_C(0x800000004))))))
+#define CONEMAP__TOF(i) vcvtq_f32_s32(i)
+#define CONEMAP__TOI(f) vcvtq_s32_f32(f)
+#define CONEMAP__BITSF(i) vreinterpretq_f32_s32(i)
+#define CONEMAP__BITSI(f) vreinterpretq_s32_f32(f)
+#define CONEMAP__EVEN(a, b) vuzp1q_f32(a, b)
+#define CONEMAP__ODD(a, b) vuzp2q_f32(a, b)
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon);
+#endif
+
+#ifdef CONEMAP__WASM
+/* ---- WebAssembly ----------------------------------------------------------------------------------------------- */
+#define CONEMAP__LANES 4
+#define CONEMAP__KERNEL(name) conemap__##name##_wasm
+#define CONEMAP__TARGET
+#define CONEMAP__F v128_t
+#define CONEMAP__I v128_t
+#define CONEMAP__M v128_t
+#define CONEMAP__F1(x) wasm_f32x4_splat(x)
+#define CONEMAP__I1(x) wasm_i32x4_splat(x)
+#define CONEMAP__LOADF(p) wasm_v128_load(p)
+#define CONEMAP__STOREF(p, v) wasm_v128_store(p, v)
+#define CONEMAP__LOADI(p) wasm_v128_load(p)
+#define CONEMAP__STOREI(p, v) wasm_v128_store(p, v)
+#define CONEMAP__LOADU8(p) wasm_u32x4_extend_low_u16x8(wasm_u16x8_extend_low_u8x16(wasm_v128_load32_zero(p)))
+#define CONEMAP__LOADU16(p) wasm_u32x4_load16x4(p)
+#define CONEMAP__GATHERF(base, i)                                                                          \
+    wasm_f32x4_make((base)[wasm_i32x4_extract_lane(i, 0)], (base)[wasm_i32x4_extract_lane(i, 1)],          \
+                    (base)[wasm_i32x4_extract_lane(i, 2)], (base)[wasm_i32x4_extract_lane(i, 3)])
+#define CONEMAP__ADD(a, b) wasm_f32x4_add(a, b)
+#define CONEMAP__SUB(a, b) wasm_f32x4_sub(a, b)
+#define CONEMAP__MUL(a, b) wasm_f32x4_mul(a, b)
+#define CONEMAP__DIV(a, b) wasm_f32x4_div(a, b)
+#define CONEMAP__SQRT(a) wasm_f32x4_sqrt(a)
+#define CONEMAP__MIN(a, b) wasm_f32x4_pmin(b, a)
+#define CONEMAP__MAX(a, b) wasm_f32x4_pmax(b, a)
+#define CONEMAP__IADD(a, b) wasm_i32x4_add(a, b)
+#define CONEMAP__ISUB(a, b) wasm_i32x4_sub(a, b)
+#define CONEMAP__IAND(a, b) wasm_v128_and(a, b)
+#define CONEMAP__IOR(a, b) wasm_v128_or(a, b)
+#define CONEMAP__ISHL(a, n) wasm_i32x4_shl(a, n)
+#define CONEMAP__ISHR(a, n) wasm_u32x4_shr(a, n)
+#define CONEMAP__LT(a, b) wasm_f32x4_lt(a, b)
+#define CONEMAP__LE(a, b) wasm_f32x4_le(a, b)
+#define CONEMAP__IGT(a, b) wasm_i32x4_gt(a, b)
+#define CONEMAP__IEQ(a, b) wasm_i32x4_eq(a, b)
+#define CONEMAP__AND(a, b) wasm_v128_and(a, b)
+#define CONEMAP__OR(a, b) wasm_v128_or(a, b)
+#define CONEMAP__ANDNOT(a, b) wasm_v128_andnot(a, b)
+#define CONEMAP__PICK(m, a, b) wasm_v128_bitselect(a, b, m)
+#define CONEMAP__PICKI(m, a, b) wasm_v128_bitselect(a, b, m)
+#define CONEMAP__ANY(m) wasm_v128_any_true(m)
+#define CONEMAP__BITS(m) ((int)wasm_i32x4_bitmask(m))
+#define CONEMAP__TOF(i) wasm_f32x4_convert_i32x4(i)
+#define CONEMAP__TOI(f) wasm_i32x4_trunc_sat_f32x4(f)
+#define CONEMAP__BITSF(i) (i)
+#define CONEMAP__BITSI(f) (f)
+#define CONEMAP__EVEN(a, b) wasm_i32x4_shuffle(a, b, 0, 2, 4, 6)
+#define CONEMAP__ODD(a, b) wasm_i32x4_shuffle(a, b, 1, 3, 5, 7)
+#include CONEMAP_SELF
+static const conemap__kernels conemap__kernels_wasm = CONEMAP__KERNEL_LIST(wasm);
+#endif
+
+/* ---- which one ------------------------------------------------------------------------------------------------- */
+
+#ifdef CONEMAP__X86
+static void conemap__cpuid(int leaf, uint32_t *registers) {
+#ifdef _MSC_VER
+    int words[4], k;
+    __cpuidex(words, leaf, 0);
+    for (k = 0; k < 4; ++k) registers[k] = (uint32_t)words[k];
+#else
+    __asm__ volatile("cpuid"
+                     : "=a"(registers[0]), "=b"(registers[1]), "=c"(registers[2]), "=d"(registers[3])
+                     : "a"(leaf), "c"(0));
+#endif
+}
+
+/* The register files that the system saves: bits 1 and 2 for AVX, 5 to 7 for AVX-512. */
+static uint32_t conemap__saved_registers(void) {
+#ifdef _MSC_VER
+    return (uint32_t)_xgetbv(0);
+#else
+    uint32_t low, high;
+    __asm__ volatile(".byte 0x0f, 0x01, 0xd0" : "=a"(low), "=d"(high) : "c"(0)); /* xgetbv, also for old assemblers */
+    (void)high;
+    return low;
+#endif
+}
+
+static conemap_isa conemap__best_isa(void) {
+    const uint32_t osxsave_avx = 3u << 27, avx512 = 1u << 16 | 1u << 17 | 1u << 30 | 1u << 31; /* F, DQ, BW, VL */
+    uint32_t leaf[4], features, saved;
+    conemap__cpuid(0, leaf);
+    if (leaf[0] < 7) return CONEMAP_ISA_SSE2;
+    conemap__cpuid(1, leaf);
+    if ((leaf[2] & osxsave_avx) != osxsave_avx) return CONEMAP_ISA_SSE2;
+    saved = conemap__saved_registers();
+    conemap__cpuid(7, leaf);
+    features = leaf[1];
+    if ((saved & 6u) != 6u || !(features & 1u << 5)) return CONEMAP_ISA_SSE2;
+    return (saved & 0xe6u) == 0xe6u && (features & avx512) == avx512 ? CONEMAP_ISA_AVX512 : CONEMAP_ISA_AVX2;
+}
+#elif defined(CONEMAP__ARM)
+static conemap_isa conemap__best_isa(void) { return CONEMAP_ISA_NEON; }
+#elif defined(CONEMAP__WASM)
+static conemap_isa conemap__best_isa(void) { return CONEMAP_ISA_WASM; }
+#else
+static conemap_isa conemap__best_isa(void) { return CONEMAP_ISA_SCALAR; }
+#endif
+
+CONEMAP__DEF int conemap_isa_available(conemap_isa isa) {
+    conemap_isa best;
+    if (isa == CONEMAP_ISA_DEFAULT || isa == CONEMAP_ISA_SCALAR) return 1;
+    best = conemap__best_isa();
+    return isa == best || (isa > CONEMAP_ISA_SCALAR && isa < best && best <= CONEMAP_ISA_AVX512);
+}
+
+CONEMAP__DEF const char *conemap_isa_name(conemap_isa isa) {
+    static const char *const names[] = {"default", "scalar", "SSE2", "AVX2", "AVX-512", "NEON", "WASM SIMD128"};
+    return (int)isa >= 0 && isa < CONEMAP_ISA_COUNT ? names[(int)isa] : "unknown";
+}
+
+/* The kernels of an instruction set that is available; a map keeps which. */
+static const conemap__kernels *conemap__kernels_of(conemap_isa isa) {
+    switch (isa) {
+#ifdef CONEMAP__X86
+    case CONEMAP_ISA_SSE2: return &conemap__kernels_sse2;
+    case CONEMAP_ISA_AVX2: return &conemap__kernels_avx2;
+    case CONEMAP_ISA_AVX512: return &conemap__kernels_avx512;
+#elif defined(CONEMAP__ARM)
+    case CONEMAP_ISA_NEON: return &conemap__kernels_neon;
+#elif defined(CONEMAP__WASM)
+    case CONEMAP_ISA_WASM: return &conemap__kernels_wasm;
+#endif
+    default: return &conemap__kernels_scalar;
+    }
+}
+
+/* Writes the default out; 0 if it is not to be had here. */
+static int conemap__resolve_isa(conemap_isa *isa) {
+    if (*isa == CONEMAP_ISA_DEFAULT) *isa = conemap__best_isa();
+    return conemap_isa_available(*isa);
 }
 
 /* ======================================================================================================
@@ -1386,19 +1845,6 @@ static float conemap__generate(const conemap_map *map, conemap__search *search, 
         return conemap__tangent(map, conemap__max(s, search->folded));
     }
     }
-}
-
-/* The narrowest cone of the 3x3 block around a texel [BV24 eq. 2]. */
-static float conemap__narrowest(const conemap_map *map, const float *cones, int i, int j) {
-    float least = CONEMAP__FAR;
-    int a, b;
-    for (b = -1; b <= 1; ++b)
-        for (a = -1; a <= 1; ++a) {
-            int x = conemap__texel_index(i + a, map->info.width, map->info.wrap_u);
-            int y = conemap__texel_index(j + b, map->info.height, map->info.wrap_v);
-            least = conemap__min(least, cones[(size_t)y * (size_t)map->info.width + (size_t)x]);
-        }
-    return least;
 }
 
 /* ======================================================================================================
@@ -1996,8 +2442,9 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     conemap_result result = conemap__resolve_heights(&desc->heights);
     if (result != CONEMAP_OK) return result;
     if (!CONEMAP__KNOWN(desc->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(desc->wrap_v, CONEMAP_WRAP_COUNT) ||
-        !CONEMAP__KNOWN(desc->generator, CONEMAP_GENERATOR_COUNT))
+        !CONEMAP__KNOWN(desc->generator, CONEMAP_GENERATOR_COUNT) || !CONEMAP__KNOWN(desc->isa, CONEMAP_ISA_COUNT))
         return CONEMAP_ERROR_ENUM;
+    if (!conemap__resolve_isa(&desc->isa)) return CONEMAP_ERROR_UNSUPPORTED;
     result = conemap__check_texture(&desc->texture);
     if (result != CONEMAP_OK) return result;
     if (desc->aspect == 0.0f) desc->aspect = 1.0f;
@@ -2044,6 +2491,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     info->guarantee = conemap__guarantee_of(desc);
     info->min3x3 = desc->min3x3 != 0;
     info->slack = desc->slack;
+    map->isa = desc->isa;
     map->build.desc = *desc;
     map->build.allocator = desc->allocator;
     map->build.texel_u = 1.0f / (float)w;
@@ -2227,27 +2675,13 @@ CONEMAP__DEF int conemap_job_count(const conemap_map *map, int pass) {
     return pass >= 0 && pass < conemap_pass_count(map) ? map->build.pass_jobs[pass] : 0;
 }
 
-/* Reads a row of the caller's heights as the texture will hold them. */
-static conemap_result conemap__decode_row(const conemap_info *info, const conemap_heights *h, int y, float *row) {
-    const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
-    int x;
-    for (x = 0; x < h->width; ++x, bytes += h->pixel_stride) {
-        float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
-        if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
-        value = h->is_depth ? 1.0f - value : value + 0.0f; /* -0 becomes 0 */
-        if (info->texture.layout != CONEMAP_CONE_ONLY)
-            value = conemap__value(info->texture.format, conemap__code_near(info->texture.format, value));
-        row[x] = value;
-    }
-    return CONEMAP_OK;
-}
-
 static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heights *h, int y0, int y1) {
-    conemap_result result = CONEMAP_OK;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     int y;
-    for (y = y0; y < y1 && result == CONEMAP_OK; ++y)
-        result = conemap__decode_row(&map->info, h, y, map->build.heights + (size_t)y * (size_t)map->info.width);
-    return result;
+    for (y = y0; y < y1; ++y)
+        if (!kernels->decode_row(&map->info, h, y, map->build.heights + (size_t)y * (size_t)map->info.width))
+            return CONEMAP_ERROR_HEIGHT;
+    return CONEMAP_OK;
 }
 
 enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
@@ -2348,49 +2782,73 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     return CONEMAP_OK;
 }
 
-/* A texel's steepest slope over the bands that saw it: in one plane of rows and rims. */
-static float conemap__merged_slope2(const conemap_map *map, const float *plane, const float *rims, int i, int j) {
-    int h = map->info.height, bands = conemap__bands(h), band = j / CONEMAP__BAND;
-    size_t w = (size_t)map->info.width, x = (size_t)i;
+/* The rows in which bands noted what concerns row j, in one plane of rows and rims; returns how many, 3 at most. */
+static int conemap__merged_rows(const conemap_map *map, const float *plane, const float *rims, int j,
+                                const float **rows) {
+    int h = map->info.height, bands = conemap__bands(h), band = j / CONEMAP__BAND, count = 0;
+    size_t w = (size_t)map->info.width;
     int wraps = map->info.wrap_v == CONEMAP_WRAP;
-    float slope2 = plane[(size_t)j * w + x];
+    rows[count++] = plane + (size_t)j * w;
     if (j == band * CONEMAP__BAND && (band > 0 || wraps)) {
         size_t before = (size_t)(band > 0 ? band - 1 : bands - 1);
-        slope2 = conemap__max(slope2, rims[(2 * before + 1) * w + x]);
+        rows[count++] = rims + (2 * before + 1) * w;
     }
     if (j == conemap__mini((band + 1) * CONEMAP__BAND, h) - 1 && (band < bands - 1 || wraps)) {
         size_t after = (size_t)(band < bands - 1 ? band + 1 : 0);
-        slope2 = conemap__max(slope2, rims[2 * after * w + x]);
+        rows[count++] = rims + 2 * after * w;
     }
-    return slope2;
+    return count;
 }
 
+#define CONEMAP__RUN 256 /* texels worked on at a time, on the stack */
+
 /* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
-static float conemap__safe_tangent(const conemap_map *map, int i, int j) {
-    float slope2;
-    if (map->info.texture.per_cell) { /* there is one cell less than texels: what lies beyond projects onto the last */
-        if (map->info.wrap_u != CONEMAP_WRAP) i = conemap__mini(i, conemap__maxi(map->info.width - 2, 0));
-        if (map->info.wrap_v != CONEMAP_WRAP) j = conemap__mini(j, conemap__maxi(map->info.height - 2, 0));
-    }
-    slope2 = conemap__merged_slope2(map, map->build.plane, map->build.rims, i, j);
+static void conemap__safe_tangents(const conemap_map *map, int x, int y, int count, float *tangents) {
+    const float *rows[6];
+    int w = map->info.width, k, n;
+    int last = map->info.texture.per_cell && map->info.wrap_u != CONEMAP_WRAP && x + count == w && w > 1;
+    if (map->info.texture.per_cell && map->info.wrap_v != CONEMAP_WRAP)
+        y = conemap__mini(y, conemap__maxi(map->info.height - 2, 0));
+    n = conemap__merged_rows(map, map->build.plane, map->build.rims, y, rows);
     if (map->build.folds)
-        slope2 = conemap__max(slope2, conemap__merged_slope2(map, map->build.folds,
-                                                             map->build.folds + conemap__texels(map), i, j));
-    return conemap__min(1.0f / sqrtf(slope2) * (1.0f - 1.0f / 65536.0f), map->info.max_tan);
+        n += conemap__merged_rows(map, map->build.folds, map->build.folds + conemap__texels(map), y, rows + n);
+    for (k = 0; k < n; ++k) rows[k] += x;
+    conemap__kernels_of(map->isa)->tangent_row(rows, n, 1.0f - 1.0f / 65536.0f, map->info.max_tan, count, tangents);
+    if (last) { /* there is one cell less than texels: what lies beyond projects onto the last */
+        for (k = 0; k < n; ++k) rows[k] += count - 2;
+        conemap__kernels_of(map->isa)->tangent_row(rows, n, 1.0f - 1.0f / 65536.0f, map->info.max_tan, 1,
+                                                   tangents + count - 1);
+    }
+}
+
+static void conemap__store_run(conemap_map *map, int x, int y, int count) {
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    float tangents[CONEMAP__RUN], cones[CONEMAP__RUN];
+    size_t w = (size_t)map->info.width, at = (size_t)y * w + (size_t)x;
+    int k = 0;
+    while (k < count && !conemap__is_wanted(map, x + k, y, CONEMAP__STORE)) ++k;
+    if (k == count) return;
+    if (map->build.rims) {
+        conemap__safe_tangents(map, x, y, count, tangents);
+    } else if (map->info.min3x3) { /* [BV24 eq. 2] */
+        const float *rows[3];
+        for (k = 0; k < 3; ++k)
+            rows[k] = map->build.plane +
+                      (size_t)conemap__texel_index(y + k - 1, map->info.height, map->info.wrap_v) * w;
+        kernels->narrowest_row(rows, map->info.width, map->info.wrap_u == CONEMAP_WRAP, x, count, tangents);
+    } else {
+        memcpy(tangents, map->build.plane + at, (size_t)count * sizeof(float));
+    }
+    kernels->store_row(&map->info, map->heights + at, tangents, count, cones);
+    for (k = 0; k < count; ++k)
+        if (conemap__is_wanted(map, x + k, y, CONEMAP__STORE)) map->build.cones[at + (size_t)k] = cones[k];
 }
 
 static void conemap__store_rows(conemap_map *map, int y0, int y1) {
     int x, y;
     for (y = y0; y < y1; ++y)
-        for (x = 0; x < map->info.width; ++x) {
-            size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
-            float tangent;
-            if (!conemap__is_wanted(map, x, y, CONEMAP__STORE)) continue;
-            tangent = map->build.rims    ? conemap__safe_tangent(map, x, y)
-                      : map->info.min3x3 ? conemap__narrowest(map, map->build.plane, x, y)
-                                         : map->build.plane[at];
-            map->build.cones[at] = conemap__store_cone(&map->info, map->heights[at], tangent);
-        }
+        for (x = 0; x < map->info.width; x += CONEMAP__RUN)
+            conemap__store_run(map, x, y, conemap__mini(CONEMAP__RUN, map->info.width - x));
 }
 
 /* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
@@ -2739,7 +3197,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
                            (ptrdiff_t)x * rectangle.pixel_stride;
         rectangle.width = width;
         for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not aligned */
-            result = conemap__decode_row(&work.info, &rectangle, k, work.build.plane);
+            if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k, work.build.plane))
+                result = CONEMAP_ERROR_HEIGHT;
             memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane, (size_t)width * sizeof(float));
         }
     }
@@ -3036,6 +3495,8 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
         if (load.heights.width != info.width || load.heights.height != info.height) return CONEMAP_ERROR_HASH;
     }
     if ((load.allocator.allocate == NULL) != (load.allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (!CONEMAP__KNOWN(load.isa, CONEMAP_ISA_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (!conemap__resolve_isa(&load.isa)) return CONEMAP_ERROR_UNSUPPORTED;
     if (conemap__hash_bytes(texels, conemap__row_size(&info) * (size_t)info.height) !=
         ((uint64_t)conemap__get_word(texels - 8) << 32 | conemap__get_word(texels - 12)))
         return CONEMAP_ERROR_FILE_CORRUPT;
@@ -4248,6 +4709,7 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__STRIP_LEVELS
 #undef CONEMAP__STRIP
 #undef CONEMAP__BAND
+#undef CONEMAP__RUN
 #undef CONEMAP__KNOWN
 #undef CONEMAP__VERIFY_DEPTH
 #undef CONEMAP__VERIFY_WORK
@@ -4263,8 +4725,272 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__LONGEST
 #undef CONEMAP__NEVER
 #undef CONEMAP__APEX_SLACK
+#undef CONEMAP__KERNEL_LIST
+#undef CONEMAP__ATTRIBUTE
+#undef CONEMAP__X86
+#undef CONEMAP__ARM
+#undef CONEMAP__WASM
 
 #endif /* CONEMAP_IMPLEMENTATION */
+
+/* ####################################################################################################### */
+#ifdef CONEMAP__LANES /* included by itself, once for each instruction set: see K E R N E L S */
+
+#define CONEMAP__FUNCTION CONEMAP__TARGET static
+#ifdef _MSC_VER
+#define CONEMAP__HELPER static __forceinline
+#elif defined(__GNUC__) || defined(__clang__)
+#define CONEMAP__HELPER CONEMAP__TARGET static inline __attribute__((always_inline))
+#else
+#define CONEMAP__HELPER static inline
+#endif
+
+/* ---- rows whose last vector is not full: the missing lanes read zeros ------------------------------------------- */
+
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(load)(const float *from, int count) {
+    float lanes[CONEMAP__LANES] = {0};
+    if (count >= CONEMAP__LANES) return CONEMAP__LOADF(from);
+    memcpy(lanes, from, (size_t)count * sizeof(float));
+    return CONEMAP__LOADF(lanes);
+}
+
+CONEMAP__HELPER void CONEMAP__KERNEL(store)(float *to, CONEMAP__F value, int count) {
+    float lanes[CONEMAP__LANES];
+    if (count >= CONEMAP__LANES) {
+        CONEMAP__STOREF(to, value);
+        return;
+    }
+    CONEMAP__STOREF(lanes, value);
+    memcpy(to, lanes, (size_t)count * sizeof(float));
+}
+
+/* ---- codes and values ----------------------------------------------------------------------------- */
+
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(value)(conemap_format format, CONEMAP__I code) {
+    CONEMAP__I sign, exponent, mantissa, bits;
+    switch (format) {
+    case CONEMAP_UNORM16: return CONEMAP__DIV(CONEMAP__TOF(code), CONEMAP__F1(65535.0f));
+    case CONEMAP_UNORM8: return CONEMAP__DIV(CONEMAP__TOF(code), CONEMAP__F1(255.0f));
+    case CONEMAP_F16: break;
+    default: return CONEMAP__BITSF(code);
+    }
+    sign = CONEMAP__ISHL(CONEMAP__IAND(code, CONEMAP__I1(0x8000)), 16);
+    exponent = CONEMAP__IAND(CONEMAP__ISHR(code, 10), CONEMAP__I1(31));
+    mantissa = CONEMAP__IAND(code, CONEMAP__I1(1023));
+    bits = CONEMAP__ISHL(CONEMAP__IADD(exponent, CONEMAP__I1(112)), 23);
+    bits = CONEMAP__PICKI(CONEMAP__IEQ(exponent, CONEMAP__I1(31)), CONEMAP__I1(0x7f800000), bits);
+    bits = CONEMAP__IOR(bits, CONEMAP__ISHL(mantissa, 13));
+    bits = CONEMAP__PICKI(CONEMAP__IEQ(exponent, CONEMAP__I1(0)),
+                          CONEMAP__BITSI(CONEMAP__MUL(CONEMAP__TOF(mantissa), CONEMAP__F1(1.0f / 16777216.0f))), bits);
+    return CONEMAP__BITSF(CONEMAP__IOR(bits, sign));
+}
+
+/* The code of the value nearest to a height, 0..1. */
+CONEMAP__HELPER CONEMAP__I CONEMAP__KERNEL(code_near)(conemap_format format, CONEMAP__F x) {
+    CONEMAP__I bits, half, tiny;
+    CONEMAP__F scaled, rest;
+    switch (format) {
+    case CONEMAP_UNORM16:
+        return CONEMAP__TOI(CONEMAP__ADD(CONEMAP__MUL(x, CONEMAP__F1(65535.0f)), CONEMAP__F1(0.5f)));
+    case CONEMAP_UNORM8: return CONEMAP__TOI(CONEMAP__ADD(CONEMAP__MUL(x, CONEMAP__F1(255.0f)), CONEMAP__F1(0.5f)));
+    case CONEMAP_F16: break;
+    default: return CONEMAP__BITSI(x);
+    }
+    bits = CONEMAP__BITSI(x); /* ties to even */
+    half = CONEMAP__IADD(bits, CONEMAP__IAND(CONEMAP__ISHR(bits, 13), CONEMAP__I1(1)));
+    half = CONEMAP__ISUB(CONEMAP__ISHR(CONEMAP__IADD(half, CONEMAP__I1(0xfff)), 13), CONEMAP__I1(112 << 10));
+    scaled = CONEMAP__MUL(CONEMAP__MIN(x, CONEMAP__F1(1.0f / 16384.0f)), CONEMAP__F1(16777216.0f));
+    tiny = CONEMAP__TOI(scaled);
+    rest = CONEMAP__SUB(scaled, CONEMAP__TOF(tiny));
+    tiny = CONEMAP__IADD(
+        tiny, CONEMAP__PICKI(CONEMAP__LT(CONEMAP__F1(0.5f), rest), CONEMAP__I1(1),
+                             CONEMAP__PICKI(CONEMAP__LT(rest, CONEMAP__F1(0.5f)), CONEMAP__I1(0),
+                                            CONEMAP__IAND(tiny, CONEMAP__I1(1)))));
+    return CONEMAP__PICKI(CONEMAP__LT(x, CONEMAP__F1(1.0f / 16384.0f)), tiny, half);
+}
+
+/* The code of the largest value at or below x, 0 or more. */
+CONEMAP__HELPER CONEMAP__I CONEMAP__KERNEL(code_down)(conemap_format format, CONEMAP__F x) {
+    CONEMAP__I code, less;
+    CONEMAP__M over;
+    if (format == CONEMAP_F32) return CONEMAP__BITSI(x);
+    if (format == CONEMAP_F16) {
+        CONEMAP__M is_tiny = CONEMAP__LT(x, CONEMAP__F1(1.0f / 16384.0f));
+        CONEMAP__I tiny = CONEMAP__TOI(CONEMAP__MUL(CONEMAP__MIN(x, CONEMAP__F1(1.0f)), CONEMAP__F1(16777216.0f)));
+        x = CONEMAP__MIN(x, CONEMAP__F1(65504.0f));
+        code = CONEMAP__ISUB(CONEMAP__ISHR(CONEMAP__BITSI(x), 13), CONEMAP__I1(112 << 10));
+        return CONEMAP__PICKI(is_tiny, tiny, code);
+    }
+    code = CONEMAP__TOI(CONEMAP__MUL(CONEMAP__MIN(x, CONEMAP__F1(1.0f)),
+                                     CONEMAP__F1(format == CONEMAP_UNORM8 ? 255.0f : 65535.0f)));
+    less = CONEMAP__ISUB(code, CONEMAP__I1(1));
+    over = CONEMAP__AND(CONEMAP__IGT(code, CONEMAP__I1(0)), CONEMAP__LT(x, CONEMAP__KERNEL(value)(format, code)));
+    return CONEMAP__PICKI(over, less, code); /* the product may round up */
+}
+
+/* ---- heights in ------------------------------------------------------------------------------------------------- */
+
+/* LANES codes, of which the last ones may be missing; those read as 0. */
+CONEMAP__HELPER CONEMAP__I CONEMAP__KERNEL(read_codes)(conemap_format format, const unsigned char *bytes,
+                                                       ptrdiff_t stride, int count) {
+    int32_t codes[CONEMAP__LANES] = {0};
+    int k;
+    if (count >= CONEMAP__LANES && stride == (ptrdiff_t)conemap__format_size(format)) {
+        if (format == CONEMAP_UNORM8) return CONEMAP__LOADU8(bytes);
+        if (format != CONEMAP_F32) return CONEMAP__LOADU16(bytes);
+        memcpy(codes, bytes, sizeof codes);
+        return CONEMAP__LOADI(codes);
+    }
+    for (k = 0; k < CONEMAP__LANES && k < count; ++k)
+        codes[k] = (int32_t)conemap__read_code(format, bytes + (ptrdiff_t)k * stride);
+    return CONEMAP__LOADI(codes);
+}
+
+CONEMAP__FUNCTION int CONEMAP__KERNEL(decode_row)(const conemap_info *info, const conemap_heights *h, int y,
+                                                  float *row) {
+    const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride;
+    int x, quantise = info->texture.layout != CONEMAP_CONE_ONLY;
+    for (x = 0; x < h->width; x += CONEMAP__LANES) {
+        CONEMAP__F value = CONEMAP__KERNEL(value)(
+            h->format, CONEMAP__KERNEL(read_codes)(h->format, bytes + (ptrdiff_t)x * h->pixel_stride, h->pixel_stride,
+                                                   h->width - x));
+        CONEMAP__I bits = CONEMAP__BITSI(value);
+        /* by the bits, for fast-math builds: 0x80000000 is -0, which is a height; other negative ones are not */
+        CONEMAP__M bad = CONEMAP__OR(CONEMAP__IGT(bits, CONEMAP__I1(0x3f800000)),
+                                     CONEMAP__ANDNOT(CONEMAP__IGT(CONEMAP__I1(0), bits),
+                                                     CONEMAP__IEQ(CONEMAP__ISHL(bits, 1), CONEMAP__I1(0))));
+        if (CONEMAP__ANY(bad)) return 0;
+        value = h->is_depth ? CONEMAP__SUB(CONEMAP__F1(1.0f), value)
+                            : CONEMAP__ADD(value, CONEMAP__F1(0.0f)); /* -0 becomes 0 */
+        if (quantise)
+            value = CONEMAP__KERNEL(value)(info->texture.format,
+                                           CONEMAP__KERNEL(code_near)(info->texture.format, value));
+        CONEMAP__KERNEL(store)(row + x, value, h->width - x);
+    }
+    return 1;
+}
+
+/* ---- cones out -------------------------------------------------------------------------------------------------- */
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(tangent_row)(const float *const *slopes2, int rows, float margin,
+                                                    float max_tan, int count, float *out) {
+    int x, k;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F s = CONEMAP__KERNEL(load)(slopes2[0] + x, count - x);
+        for (k = 1; k < rows; ++k) s = CONEMAP__MAX(s, CONEMAP__KERNEL(load)(slopes2[k] + x, count - x));
+        s = CONEMAP__MUL(CONEMAP__DIV(CONEMAP__F1(1.0f), CONEMAP__SQRT(s)), CONEMAP__F1(margin));
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__MIN(s, CONEMAP__F1(max_tan)), count - x);
+    }
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(narrowest_row)(const float *const *rows, int width, int wraps, int first,
+                                                      int count, float *out) {
+    int x, k, end = first + count;
+    for (x = first; x < end;) {
+        CONEMAP__F least = CONEMAP__F1(CONEMAP__FAR);
+        if (x > 0 && x + CONEMAP__LANES < width && x + CONEMAP__LANES <= end) {
+            for (k = 0; k < 3; ++k) {
+                least = CONEMAP__MIN(least, CONEMAP__LOADF(rows[k] + x - 1));
+                least = CONEMAP__MIN(least, CONEMAP__LOADF(rows[k] + x));
+                least = CONEMAP__MIN(least, CONEMAP__LOADF(rows[k] + x + 1));
+            }
+            CONEMAP__STOREF(out + (x - first), least);
+            x += CONEMAP__LANES;
+        } else { /* at the borders one by one */
+            int before = x > 0 ? x - 1 : wraps ? width - 1 : 0;
+            int after = x + 1 < width ? x + 1 : wraps ? 0 : width - 1;
+            float narrowest = CONEMAP__FAR;
+            for (k = 0; k < 3; ++k)
+                narrowest = conemap__min(conemap__min(narrowest, rows[k][before]),
+                                         conemap__min(rows[k][x], rows[k][after]));
+            out[x - first] = narrowest;
+            ++x;
+        }
+    }
+}
+
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(decode_tan)(const conemap_info *info, CONEMAP__F height, CONEMAP__F stored) {
+    CONEMAP__F top = CONEMAP__SUB(CONEMAP__F1(1.0f), height), max_tan = CONEMAP__F1(info->max_tan);
+    if (info->texture.encoding == CONEMAP_SQRT) return CONEMAP__MUL(stored, stored);
+    if (info->texture.encoding == CONEMAP_LINEAR) return stored;
+    return CONEMAP__PICK(CONEMAP__LT(stored, CONEMAP__MUL(max_tan, top)), CONEMAP__DIV(stored, top),
+                         CONEMAP__PICK(CONEMAP__LT(CONEMAP__F1(0.0f), top), max_tan, CONEMAP__F1(0.0f)));
+}
+
+/* Rounding to nearest, as [Dum06] stores, widens. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, const float *heights, const float *tangents,
+                                                  int count, float *cones) {
+    conemap_format format = info->texture.format;
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F tangent = CONEMAP__KERNEL(load)(tangents + x, count - x), value = tangent;
+        CONEMAP__F height = CONEMAP__KERNEL(load)(heights + x, count - x);
+        CONEMAP__I code;
+        if (info->texture.encoding == CONEMAP_SQRT) value = CONEMAP__SQRT(tangent);
+        if (info->texture.encoding == CONEMAP_RADIUS)
+            value = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1(1.0f), height), tangent);
+        code = CONEMAP__KERNEL(code_down)(format, value);
+        value = CONEMAP__KERNEL(value)(format, code);
+        for (;;) {
+            CONEMAP__M wide = CONEMAP__AND(CONEMAP__IGT(code, CONEMAP__I1(0)),
+                                           CONEMAP__LT(tangent, CONEMAP__KERNEL(decode_tan)(info, height, value)));
+            if (!CONEMAP__ANY(wide)) break;
+            code = CONEMAP__PICKI(wide, CONEMAP__ISUB(code, CONEMAP__I1(1)), code);
+            value = CONEMAP__KERNEL(value)(format, code);
+        }
+        CONEMAP__KERNEL(store)(cones + x, value, count - x);
+    }
+}
+
+/* For the next instruction set. */
+#undef CONEMAP__FUNCTION
+#undef CONEMAP__HELPER
+#undef CONEMAP__ADD
+#undef CONEMAP__AND
+#undef CONEMAP__ANDNOT
+#undef CONEMAP__ANY
+#undef CONEMAP__BITS
+#undef CONEMAP__BITSF
+#undef CONEMAP__BITSI
+#undef CONEMAP__DIV
+#undef CONEMAP__EVEN
+#undef CONEMAP__F
+#undef CONEMAP__F1
+#undef CONEMAP__GATHERF
+#undef CONEMAP__I
+#undef CONEMAP__I1
+#undef CONEMAP__IADD
+#undef CONEMAP__IAND
+#undef CONEMAP__IEQ
+#undef CONEMAP__IGT
+#undef CONEMAP__IOR
+#undef CONEMAP__ISHL
+#undef CONEMAP__ISHR
+#undef CONEMAP__ISUB
+#undef CONEMAP__KERNEL
+#undef CONEMAP__LANES
+#undef CONEMAP__LE
+#undef CONEMAP__LOADF
+#undef CONEMAP__LOADI
+#undef CONEMAP__LOADU16
+#undef CONEMAP__LOADU8
+#undef CONEMAP__LT
+#undef CONEMAP__M
+#undef CONEMAP__MAX
+#undef CONEMAP__MIN
+#undef CONEMAP__MUL
+#undef CONEMAP__ODD
+#undef CONEMAP__OR
+#undef CONEMAP__PICK
+#undef CONEMAP__PICKI
+#undef CONEMAP__SQRT
+#undef CONEMAP__STOREF
+#undef CONEMAP__STOREI
+#undef CONEMAP__SUB
+#undef CONEMAP__TARGET
+#undef CONEMAP__TOF
+#undef CONEMAP__TOI
+#endif /* CONEMAP__LANES */
 
 /* ======================================================================================================
    L I C E N C E

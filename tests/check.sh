@@ -105,7 +105,7 @@ done
 
 # ---- the header leaks nothing but conemap_ and CONEMAP_ ---------------------------------------------------
 leaks() {
-    printf '#include <stddef.h>\n#include <stdint.h>\n#include <math.h>\n#include <string.h>\n#include <stdlib.h>\n' >"$dir/base.c"
+    printf '#include <stddef.h>\n#include <stdint.h>\n#include <math.h>\n#include <string.h>\n#include <stdlib.h>\n#ifdef __SSE2__\n#include <immintrin.h>\n#endif\n' >"$dir/base.c"
     cat "$dir/base.c" "$work/impl.c" >"$dir/leak.c"
     gcc -dM -E -I. "$dir/base.c" | sort >"$dir/base.txt"
     gcc -dM -E -I. "$dir/leak.c" | sort >"$dir/leak.txt"
