@@ -1851,10 +1851,12 @@ CONEMAP__INLINE float conemap__open(const conemap_map *map, conemap__search *sea
 }
 
 /* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image decides.
-   In an octant it may be one that is as far as the other axis is long, unless nothing so far away can beat s. */
+   In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow maps), unless
+   nothing so far away can beat s. */
 static int conemap__images(const conemap_map *map, const conemap__search *search, int along_v, float apex, float s) {
     int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
-    float period = (float)size * (along_v ? map->build.search_v : map->build.search_u), room = 1.0f - apex, reach;
+    float period = (float)size * (along_v ? map->build.search_v : map->build.search_u);
+    float room = conemap__block_max(&map->build.texels, map->build.texels.levels - 1, 0, 0) - apex, reach;
     if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
     if (search->sector.major == 0 || !(period > 0.0f)) return 1;
     reach = sqrtf(room * room / s + search->deflate) * 1.0001f / period;
