@@ -36,6 +36,7 @@
        S A M P L I N G             height, cone and normal at a point
        V E R I F Y I N G           proof that interpolated cones are empty
        T R A C I N G               rays against the relief
+       S H A D E R S               the tracers as GLSL, HLSL and C
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
@@ -48,6 +49,7 @@
        S A M P L E R S             bilinear cells
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        T R A C E R S               the walk through cells, every tracer, refinement
+       E M I T T E R               shaders from snippets
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -617,6 +619,126 @@ CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float 
    What each tracer promises is written beside conemap_tracer, and counted by the tests. */
 CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
                                          const conemap_ray *rays, conemap_hit *hits, int count);
+
+/* ======================================================================================================
+   S H A D E R S
+
+   The tracers as text, in the dialect of the host's shaders, holding only what was asked for. Each algorithm is
+   written once, in words that all dialects share; the C that the tests run is the same text.
+
+       conemap_shader_desc shader = {0};            // GLSL 330, exact tracer, functions to paste
+       shader.dialect = CONEMAP_HLSL_50;
+       shader.map = map.info;                       // wrap, format, encoding, layout, guarantee, aspect
+       conemap_emit(&shader, NULL, 0, &size);       // the bytes that are needed
+       conemap_emit(&shader, text, size, NULL);     // the text, closed by a zero
+
+   The emitted function takes a ray of the unit box (see CONVENTIONS) and answers with the hit:
+
+       conemap_hit hit = conemap_trace(origin, direction);  // hit.found, hit.t, hit.position (u, v, z)
+
+   and with more options more arguments, in this order: t_min, t_max (t_range); max_steps (run_time_cap); rect (atlas);
+   size (a host's fetch without fixed_size); slice (array). A comment at the top of the text says what they are and
+   which textures it reads.
+
+   Which guarantee holds. Shaders compute in single precision, and hardware filtering on most GPUs has 8-bit weights, so
+   that a filtered height is off by up to 2^-9 of the difference between neighbours.
+     - EXACT and MAXMIP read the corners of a cell (FETCH or GATHER) and solve for the patch: nothing is missed but what
+       rounding moves the ray: its place is kept as a whole cell and a fraction, so it drifts from the true ray by no
+       more than 2^-24 of the way it came in one step, and by half a bit of a fraction for each step. Origins beside the
+       map and directions of sensible length (1e-3..1e3) keep their bits.
+     - the others promise what they promise on the CPU, with FETCH and GATHER. With HARDWARE they see the surface that the
+       texture unit shows, in steps of 1/256 texel; how many pixels change is counted by `make check`.
+   A map without the bilinear guarantee makes EXACT go back where a cone ended below the surface, as on the CPU.
+   ====================================================================================================== */
+
+typedef enum conemap_dialect {
+    CONEMAP_GLSL_330 = 0,
+    CONEMAP_GLSL_430,
+    CONEMAP_GLSL_450,
+    CONEMAP_GLSL_450_VULKAN, /* sets, bindings, push constants */
+    CONEMAP_ESSL_300,        /* OpenGL ES 3.0, WebGL 2 */
+    CONEMAP_ESSL_310,
+    CONEMAP_HLSL_50,
+    CONEMAP_HLSL_60,
+    CONEMAP_C99,             /* for tests, tools and a debugger of the CPU; needs a `fetch`, FUNCTIONS only. Give it a
+                                prefix where conemap.h is included */
+    CONEMAP_DIALECT_COUNT
+} conemap_dialect;
+
+typedef enum conemap_stage {
+    CONEMAP_STAGE_FUNCTIONS = 0, /* declarations and functions, to paste behind the host's own #version */
+    CONEMAP_STAGE_FRAGMENT,      /* a whole fragment shader: rays from varyings, (u, v, z, t) to the first target */
+    CONEMAP_STAGE_COMPUTE,       /* a whole compute shader, 64 rays a group: two float4 a ray in (origin, t_min;
+                                    direction, t_max), a float4 (u, v, z, t, or t = -1) out, and with steps or status a
+                                    second (steps, status). Not GLSL 330 and ES 300 */
+    CONEMAP_STAGE_COUNT
+} conemap_stage;
+
+typedef enum conemap_filter { /* how the surface between texels is read */
+    CONEMAP_FILTER_FETCH = 0,    /* four texel fetches, interpolated in the shader */
+    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits. Not GLSL 330 and ES 300; the sampler wraps
+                                    as the map does (edge for CLAMP and NOTHING) */
+    CONEMAP_FILTER_HARDWARE,     /* the texture unit's own filter: fast, 8-bit weights. Not for EXACT, MAXMIP, QDM */
+    CONEMAP_FILTER_COUNT
+} conemap_filter;
+
+typedef enum conemap_precision { /* of floats in ES */
+    CONEMAP_HIGHP = 0,
+    CONEMAP_MEDIUMP,             /* may be 16 bit: none of the guarantees, maps of a few hundred texels at most */
+    CONEMAP_PRECISION_COUNT
+} conemap_precision;
+
+typedef struct conemap_shader_desc {
+    conemap_dialect dialect;
+    conemap_stage stage;
+    conemap_trace_desc trace;  /* as on the CPU, with bounded loops: max_steps 0: LINEAR 200, LOOP 20, others as many as a
+                                  ray can need that does not wrap, and 16 times that if it does. any_hit: EXACT and
+                                  MAXMIP; the function is then `bool conemap_any_hit(...)` */
+    conemap_info map;          /* what the texture holds: a built map's info, or zero: clamped, (height, tan), f32,
+                                  bilinear guarantee, aspect 1, max_tan 1. generator, slack and hash don't matter */
+    int fixed_size;            /* nonzero: map.width and map.height are written as constants */
+    conemap_filter filter;
+    int sectors;               /* cones per texel by direction; 0 and 1: one. 4 and 8 are reserved: sector s of N is
+                                  chosen by the signs of the direction, counted 0..N - 1 */
+
+    int steps, status;         /* nonzero: hit.steps, hit.status (the numbers of conemap_status) for debugging */
+    int t_range;               /* nonzero: the ray is followed from t_min to t_max, else from 0 without end */
+    int run_time_cap;          /* nonzero: max_steps is an argument */
+    int atlas;                 /* nonzero: the map is a rectangle (x, y, width, height in texels) of the texture, an
+                                  argument. FETCH only; not with fixed_size, MAXMIP or QDM */
+    int array;                 /* nonzero: the textures are arrays; slice is an argument */
+
+    conemap_precision precision;
+    int external;              /* nonzero: the host declares the textures and the sampler itself; FUNCTIONS only */
+    int set, binding, sampler_binding; /* the first texture's; further ones follow. Binding: GLSL 430 and up, ES 310,
+                                  HLSL (registers t and s). Set: Vulkan; HLSL 6.0 (space) */
+    const char *prefix;        /* of every emitted name; null: "conemap" */
+    const char *map_name;      /* textures and sampler; null: prefix_map, prefix_heights, prefix_maxima, prefix_sampler */
+    const char *heights_name;  /* CONE_ONLY: the host's heights, in the first channel */
+    const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
+    const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
+    const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
+                                  map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height and
+                                  stored cone; without cones (LINEAR, MAXMIP, QDM) `float NAME(...)`. Plus slice with
+                                  array. Not with GATHER; with HARDWARE not per_cell */
+    const char *fetch_maxima;  /* MAXMIP, QDM: the same for the maxima, `float NAME(int i, int j, int level)` */
+    unsigned flags;            /* reserved for effects and frusta; 0 */
+} conemap_shader_desc;
+
+/* Writes a shader.
+   text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
+   size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
+   Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER (a
+   number out of range, a name that is no identifier, two equal names); UNSUPPORTED (the dialect lacks it, or two options
+   exclude each other). The same desc gives the same text. Thread-safe, allocates nothing. */
+CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
+
+/* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
+   conemap_maxima_levels returns n + 1 (0: no map); level k has 2^(n - k) texels on a side. conemap_write_maxima writes
+   one level as f32, rows touching; blocks beyond the map hold 0. The map must have been built with keep_pyramid. Errors:
+   NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
+CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
+CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
 #ifdef __cplusplus
 }
@@ -5106,6 +5228,1216 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
     return result;
 }
 
+/* ======================================================================================================
+   E M I T T E R
+
+   Snippets are written in words that GLSL, HLSL and C share, one table entry each. A snippet needs every other one that
+   it names; the emitter follows these names from conemap_trace and writes what it met, needed ones first. So nothing
+   unused comes out, and there is no list of needs to be kept.
+     ?a,!b text    a line for emissions where flag a is set and b is not
+     $NAME         a piece that depends on the desc
+     conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
+   ====================================================================================================== */
+
+#define CONEMAP__FLAGS(X)                                                                                        \
+    X(glsl) X(hlsl) X(c) X(es) X(vulkan) X(exact) X(linear) X(loop) X(exact_step) X(cell_max) X(maxmip) X(qdm)   \
+    X(blocks) X(cones) X(secant) X(bisect) X(refined) X(adaptive) X(any) X(back) X(falling) X(wrap_u) X(wrap_v) X(wraps)   \
+    X(nothing_u) X(nothing_v) X(nothing) X(per_cell) X(cone_only) X(hardware) X(gather) X(steps) X(status)       \
+    X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart) X(debug) X(cone_texel)        \
+    X(fragment) X(compute) X(located) X(es_310) X(uses_map) X(uses_heights) X(uses_maxima) X(sampler)            \
+    X(arguments) X(discards) X(host_maxima) X(mediump) X(external) X(version) X(solves)
+#define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
+enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
+#undef CONEMAP__FLAG_ITEM
+
+typedef struct conemap__snippet {
+    const char *name, *text;
+} conemap__snippet;
+
+static const conemap__snippet conemap__snippets[] = {
+    /* The types that C lacks. */
+    {"conemap_vec2", "typedef struct conemap_vec2 {\n"
+                     "    float x, y;\n"
+                     "} conemap_vec2;\n"},
+    {"conemap_vec3", "typedef struct conemap_vec3 {\n"
+                     "    float x, y, z;\n"
+                     "} conemap_vec3;\n"},
+    {"conemap_vec4", "typedef struct conemap_vec4 {\n"
+                     "    float x, y, z, w;\n"
+                     "} conemap_vec4;\n"},
+    {"conemap_ivec2", "typedef struct conemap_ivec2 {\n"
+                      "    int x, y;\n"
+                      "} conemap_ivec2;\n"},
+    {"conemap_ivec4", "typedef struct conemap_ivec4 {\n"
+                      "    int x, y, z, w;\n"
+                      "} conemap_ivec4;\n"},
+    {"conemap_make_vec2", "static conemap_vec2 conemap_make_vec2(float x, float y) {\n"
+                          "    conemap_vec2 v;\n"
+                          "    v.x = x;\n"
+                          "    v.y = y;\n"
+                          "    return v;\n"
+                          "}\n"},
+    {"conemap_make_vec3", "static conemap_vec3 conemap_make_vec3(float x, float y, float z) {\n"
+                          "    conemap_vec3 v;\n"
+                          "    v.x = x;\n"
+                          "    v.y = y;\n"
+                          "    v.z = z;\n"
+                          "    return v;\n"
+                          "}\n"},
+    {"conemap_make_vec4", "static conemap_vec4 conemap_make_vec4(float x, float y, float z, float w) {\n"
+                          "    conemap_vec4 v;\n"
+                          "    v.x = x;\n"
+                          "    v.y = y;\n"
+                          "    v.z = z;\n"
+                          "    v.w = w;\n"
+                          "    return v;\n"
+                          "}\n"},
+    {"conemap_make_ivec2", "static conemap_ivec2 conemap_make_ivec2(int x, int y) {\n"
+                           "    conemap_ivec2 v;\n"
+                           "    v.x = x;\n"
+                           "    v.y = y;\n"
+                           "    return v;\n"
+                           "}\n"},
+    {"conemap_clampi", "static int conemap_clampi(int i, int low, int high) {\n"
+                       "    return i < low ? low : i > high ? high : i;\n"
+                       "}\n"},
+
+
+    /* ---- what comes back ---- */
+    {"conemap_hit", "$STRUCT conemap_hit {\n"
+                    "    bool found;\n"
+                    "    float t;       // in lengths of the direction\n"
+                    "    vec3 position; // u, v, z; u and v are not wrapped\n"
+                    "?status     int status;    // 0 hit, 1 left the map, 2 floor, 3 t_max, 4 step cap\n"
+                    "?steps     int steps;\n"
+                    "?c } conemap_hit;\n"
+                    "?!c };\n"},
+
+    /* ---- the map ---- */
+    {"conemap_size", "int2 conemap_size() {\n"
+                     "    uint width, height$LAYERS;\n"
+                     "    $ANY_TEXTURE.GetDimensions(width, height$LAYERS);\n"
+                     "    return int2(int(width), int(height));\n"
+                     "}\n"},
+    {"conemap_repeat", "$FNint conemap_repeat(int i, int size) {\n"
+                       "    return i - int(floor((float(i) + 0.5f) / float(size))) * size;\n"
+                       "}\n"},
+    {"conemap_texel", "$FN$TEXEL_TYPE conemap_texel(int i, int j$MAP_PARAMS) {\n"
+                      "    return $TEXEL;\n"
+                      "}\n"},
+    {"conemap_turn", "// Gathered corners, the one behind the ray first.\n"
+                     "vec4 conemap_turn(vec4 g, int si, int sj) {\n"
+                     "    g = si > 0 ? g.wzxy : g.zwyx;\n"
+                     "    return sj > 0 ? g : g.zwxy;\n"
+                     "}\n"},
+    {"conemap_mix", "$FNfloat conemap_mix(vec4 h, float x, float y) {\n"
+                    "    float low = h.x + (h.y - h.x) * x, high = h.z + (h.w - h.z) * x;\n"
+                    "    return low + (high - low) * y;\n"
+                    "}\n"},
+    {"conemap_tangent", "// The tangent that a stored radius stands for, over a height.\n"
+                        "$FNfloat conemap_tangent(float stored, float height) {\n"
+                        "    float top = 1.0f - height;\n"
+                        "    return stored < $MAX_TAN * top ? stored / top : top > 0.0f ? $MAX_TAN : 0.0f;\n"
+                        "}\n"},
+
+    /* ---- the ray ---- */
+    {"conemap_clip", "// Narrows a range of t to where low <= o + v t <= high.\n"
+                     "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) {\n"
+                     "    float a = (low - o) / v, b = (high - o) / v;\n"
+                     "    if (v == 0.0f) return vec2(range.x, o >= low && o <= high ? range.y : -1e30f);\n"
+                     "    return vec2(max(range.x, min(a, b)), min(range.y, max(a, b)));\n"
+                     "}\n"},
+    {"conemap_cone_step", "// How long the ray flies inside a cone whose apex lies `gap` below it.\n"
+                          "$FNfloat conemap_cone_step(float tangent, float gap, float speed, float vz) {\n"
+                          "    float closing = speed - tangent * vz;\n"
+                          "    if (speed == 0.0f) return vz < 0.0f ? (gap + 1e-6f) / -vz : 1e30f;\n"
+                          "    return closing > 0.0f ? $SCALEtangent * gap / closing : 1e30f;\n"
+                          "}\n"},
+    {"conemap_patch_hit", "// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the\n"
+                          "// ray the clearance is c + b t + a t t, solved in the form that does not cancel.\n"
+                          "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
+                          "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
+                          "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
+                          "    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrt(max(d, 0.0f)));\n"
+                          "    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;\n"
+                          "    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;\n"
+                          "    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;\n"
+                          "}\n"},
+    {"conemap_line_hit", "// First t in 0..end at which a straight line from clearance c to the one at the end meets 0, or -1.\n"
+                         "$FNfloat conemap_line_hit(vec4 h, float x, float y, float z, float c, vec3 v, float end) {\n"
+                         "    float last = z + v.z * end - conemap_mix(h, x + v.x * end, y + v.y * end);\n"
+                         "    return c <= 0.0f ? 0.0f : last <= 0.0f ? end * (c / (c - last)) : -1.0f;\n"
+                         "}\n"},
+
+    /* ---- maxima ---- */
+    {"conemap_ahead", "// How many cells the block of level k goes on, in the ray's direction, from a cell of it.\n"
+                      "$FNint conemap_ahead(int cell, int count, int k, int s) {\n"
+                      "    int low = (cell >> k) << k, high = low + (1 << k);\n"
+                      "    return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;\n"
+                      "}\n"},
+};
+
+/* conemap_trace: a head, the loop of one tracer, a tail. The ray flies through the cell between texels (i, j) and
+   (i + si, j + sj), where si and sj are its directions, so that x and y, its place in the cell, always grow. */
+static const char conemap__trace_head[] =
+    "?exact // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.\n"
+    "?linear // Equal steps.\n"
+    "?loop // A number of cone steps without a test in between.\n"
+    "?exact_step // Cone step and one texel more, until the ray is below the surface.\n"
+    "?cell_max // To the end of the cone or of the cell, whichever is farther, until the ray is below the surface.\n"
+    "?maxmip // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself decides.\n"
+    "?qdm // Blocks under the ray are left behind whole, others are entered; in a cell a straight line decides.\n"
+    "?any $FNbool conemap_any_hit(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?!any $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+    "    vec2 range = conemap_clip(vec2($T_MIN, 1e30f), origin.z, direction.z, 0.0f, 1.0f); // of t over the map\n"
+    "    float ground = direction.z < 0.0f ? range.y : 2e30f; // who gets there has hit: no height is below\n"
+    "?t_range     range.y = min(range.y, t_max);\n"
+    "?status,nothing     vec2 box = range; // it says how a ray ends that meets nothing\n"
+    "?status,nothing,!wrap_u     box = conemap_clip(box, origin.x, direction.x, 0.0f, 1.0f);\n"
+    "?status,nothing,!wrap_v     box = conemap_clip(box, origin.y, direction.y, 0.0f, 1.0f);\n"
+    "?nothing_u     float rim_u = $W > 1 ? 0.5f / $FW : 0.0f; // the surface ends at the outermost centres\n"
+    "?nothing_v     float rim_v = $H > 1 ? 0.5f / $FH : 0.0f;\n"
+    "?!wraps     range = conemap_clip($CLIP_U, origin.y, direction.y, $LOW_V, $HIGH_V);\n"
+    "?!wrap_u,wrap_v     range = $CLIP_U;\n"
+    "?wrap_u,!wrap_v     range = conemap_clip(range, origin.y, direction.y, $LOW_V, $HIGH_V);\n"
+    "    int i = 0, j = 0, si = direction.x < 0.0f ? -1 : 1, sj = direction.y < 0.0f ? -1 : 1, steps = 0;\n"
+    "    vec3 v = vec3(max(abs(direction.x) * $FW, 1e-20f), max(abs(direction.y) * $FH, 1e-20f), direction.z);\n"
+    "    float x = float(si) * (origin.x * $FW - 0.5f), y = float(sj) * (origin.y * $FH - 0.5f), z = origin.z;\n"
+    "?status,nothing     int end_status = box.x > box.y ? 1 : box.y == ground ? 2 : $T_MAX_STATUS;\n"
+    "?status,!nothing     int end_status = $T_MAX_STATUS;\n"
+    "?wraps     float reach_end = range.x + 1048576.0f / (v.x + v.y); // farther than a float can tell cells apart\n"
+    "?wraps,status     if (range.y > reach_end) end_status = 4;\n"
+    "?wraps     range.y = min(range.y, reach_end);\n"
+    "?adaptive     float level = direction.x * direction.x + direction.y * direction.y;\n"
+    "?blocks     int cells_u = $CELLS_U, cells_v = $CELLS_V, top = 0;\n"
+    "?blocks     while ((1 << top) < cells_u || (1 << top) < cells_v) ++top;\n"
+    "?blocks     int k = top;\n"
+    "?exact_step     float extra = 1.0f / ($LONGEST * sqrt(direction.x * direction.x + direction.y * direction.y +\n"
+    "?exact_step                                           direction.z * direction.z));\n"
+    "?linear     float stride = (range.y - range.x) / float($CAP);\n"
+    "?adaptive     int step_count = int(float($CAP) * (0.5f + sqrt(level / (level + direction.z * direction.z))));\n"
+    "    float t = 0.0f, dt = range.x$STATE;\n"
+    "    bool done = range.x > range.y$BOOLS;\n"
+    "    for (; !done && steps < $LIMIT; ++steps) {\n"
+    "@move\n";
+
+static const char conemap__move[] =
+    "        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.\n"
+    "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;\n"
+    "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
+
+static const char conemap__surface[] = /* the height below the ray, and with `cones` the cone there */
+    "?cones,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
+    "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + sj$MAP);\n"
+    "?cones,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?!cones,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, j$MAP),\n"
+    "?!cones,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j + sj$MAP));\n"
+    "?gather         vec2 uv = vec2(float(i + (si > 0 ? 1 : 0)) / $FW, float(j + (sj > 0 ? 1 : 0)) / $FH);\n"
+    "?gather         vec4 heights = conemap_turn($GATHER_HEIGHTS, si, sj);\n"
+    "?hardware         vec2 uv = vec2((float(i) + float(si) * x + 0.5f) / $FW, (float(j) + float(sj) * y + 0.5f) / $FH);\n"
+    "?hardware,cones,!apart         vec2 both = $SAMPLE;\n"
+    "?hardware,cones,!apart         float height = both.x;\n"
+    "?hardware,apart         float height = $SAMPLE_HEIGHT;\n"
+    "?hardware,!cones,!apart         float height = $SAMPLE_HEIGHT;\n"
+    "?!hardware         float height = conemap_mix(heights, x, y);\n";
+
+static const char conemap__cone[] =
+    "?!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+    "?!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
+    "?gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
+    "?cone_texel         float cone = conemap_texel(si > 0 ? i : i - 1, sj > 0 ? j : j - 1$MAP);\n"
+    "?hardware,!apart         float cone = both.y;\n"
+    "?hardware,apart,!per_cell         float cone = $SAMPLE_CONE;\n";
+
+static const char conemap__loop_exact[] =
+    "@surface\n"
+    "@cone\n"
+    "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border\n"
+    "        float gap = z - height, closing = speed - $TANGENT * v.z;\n"
+    "        hit = conemap_patch_hit(heights, x, y, gap, v, min(leave, left));\n"
+    "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through it\n"
+    "?back             walked = t;\n"
+    "?back             dt = -flown;\n"
+    "?back             flown = 0.0f;\n"
+    "?back             hit = -1.0f;\n"
+    "?back             continue;\n"
+    "?back         }\n"
+    "        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
+    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : 1e30f);\n"
+    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : 1e30f;\n"
+    "?back         flown = dt > leave ? dt : 0.0f;\n"
+    "?back         dt = max(dt, leave);\n"
+    "        done = hit >= 0.0f || dt >= left;\n";
+
+static const char conemap__loop_linear[] =
+    "@surface\n"
+    "?secant         above = gap;\n"
+    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        found = gap <= 0.0f;\n"
+    "        done = found || ends;\n"
+    "        if (done) break;\n"
+    "        ends = steps + 1 == $CAP;\n"
+    "        dt = stride;\n";
+
+static const char conemap__loop_loop[] =
+    "@surface\n"
+    "@cone\n"
+    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        found = gap <= $TOLERANCE;\n"
+    "        if (steps + 1 == $LIMIT || (steps == 0 && gap <= 0.0f)) break; // it begins inside\n"
+    "?secant         if (gap > 0.0f) above = gap;\n"
+    "?refined         if (gap > 0.0f) t_above = t;\n"
+    "        dt = max(conemap_cone_step($TANGENT, gap, speed, v.z), range.x - t);\n"
+    "        ends = dt >= range.y - t;\n"
+    "        if (ends) dt = range.y - t;\n";
+
+static const char conemap__loop_step[] = /* exact-step, cell-max */
+    "@surface\n"
+    "@cone\n"
+    "?secant         above = gap;\n"
+    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        found = gap <= 0.0f;\n"
+    "        done = found || ends;\n"
+    "        if (done) break;\n"
+    "        dt = conemap_cone_step($TANGENT, gap, speed, v.z)$EXTRA;\n"
+    "?cell_max         if (speed > 0.0f) dt = max(dt, min((1.000001f - x) / v.x, (1.000001f - y) / v.y));\n"
+    "        ends = dt >= range.y - t;\n"
+    "        if (ends) dt = range.y - t;\n";
+
+static const char conemap__loop_blocks[] =
+    "        int cell_u = $CELL_U, cell_v = $CELL_V;\n"
+    "        int ahead_u = conemap_ahead(cell_u, cells_u, k, si), ahead_v = conemap_ahead(cell_v, cells_v, k, sj);\n"
+    "        float leave = min((float(ahead_u) + 0.000001f - x) / v.x, (float(ahead_v) + 0.000001f - y) / v.y);\n"
+    "        float left = range.y - t, end = min(leave, left), highest = $MAXIMUM;\n"
+    "        bool over = min(z, z + v.z * end) > highest;\n"
+    "        done = over && leave >= left;\n"
+    "        if (done) break;\n"
+    "        if (over || k > 0) {\n"
+    "            dt = over ? leave : 0.0f;\n"
+    "?qdm             float fall = v.z < 0.0f ? (highest - z) / v.z : 0.0f; // to the block's top\n"
+    "?qdm             if (!over && fall > 0.0f && fall < end) dt = fall;\n"
+    "            k = !over ? k - 1 : k < top ? k + 1 : top;\n"
+    "            continue;\n"
+    "        }\n"
+    "@surface\n"
+    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - height, v, end);\n"
+    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - height, v, end);\n"
+    "        done = hit >= 0.0f || leave >= left;\n"
+    "        if (done) break;\n"
+    "        dt = leave;\n"
+    "        k = top > 0 ? 1 : 0;\n";
+
+static const char conemap__trace_tail[] =
+    "    }\n"
+    "?solves     if (done && hit < 0.0f && range.y == ground && range.x <= range.y) hit = range.y - t;\n"
+    "?any     return hit >= 0.0f;\n"
+    "?solves,!any     dt = max(hit, 0.0f);\n"
+    "?loop     done = ends;\n"
+    "?loop,refined     dt = t - t_above;\n"
+    "?refined     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before\n"
+    "?secant,refined     if (bracketed) {\n"
+    "?secant,refined         dt *= above > gap ? gap / (above - gap) : 0.0f;\n"
+    "?secant,refined @move\n"
+    "?secant,refined     }\n"
+    "?bisect,refined     for (int k = 0; bracketed && k <= $REFINE_STEPS; ++k) {\n"
+    "?bisect,refined         dt = gap > 0.0f ? 0.5f * abs(dt) : -0.5f * abs(dt);\n"
+    "?bisect,refined @move\n"
+    "?bisect,refined @surface\n"
+    "?bisect,refined         gap = z - height;\n"
+    "?bisect,refined     }\n"
+    "?exact_step,!refined     dt = found && steps > 0 ? -min(extra, dt) : 0.0f; // a texel back\n"
+    "?!any     conemap_hit result;\n"
+    "?!any     result.found = $FOUND;\n"
+    "?!any     result.t = $AT_T;\n"
+    "?!any     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y + 0.5f) / $FH, $AT_Z);\n"
+    "?status     result.status = result.found ? 0 : done ? end_status : 4;\n"
+    "?steps     result.steps = steps;\n"
+    "?!any     return result;\n"
+    "}\n";
+
+/* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
+typedef struct conemap__word {
+    const char *word, *hlsl, *hlsl_call, *c, *c_call;
+} conemap__word;
+
+static const conemap__word conemap__words[] = {
+    {"vec2", "float2", "float2", "conemap_vec2", "conemap_make_vec2"},
+    {"vec3", "float3", "float3", "conemap_vec3", "conemap_make_vec3"},
+    {"vec4", "float4", "float4", "conemap_vec4", "conemap_make_vec4"},
+    {"ivec2", "int2", "int2", "conemap_ivec2", "conemap_make_ivec2"},
+    {"ivec4", "int4", "int4", "conemap_ivec4", "conemap_ivec4"},
+    {"float", "float", "float", "float", "(float)"},
+    {"int", "int", "int", "int", "(int)"},
+    {"clamp", "clamp", "clamp", "clamp", "conemap_clampi"},
+    {"min", "min", "min", "min", "fminf"},
+    {"max", "max", "max", "max", "fmaxf"},
+    {"abs", "abs", "abs", "abs", "fabsf"},
+    {"sqrt", "sqrt", "sqrt", "sqrt", "sqrtf"},
+    {"floor", "floor", "floor", "floor", "floorf"},
+};
+
+/* What a name after a dollar stands for. Text of the host's is raw: no word of it is changed. */
+#define CONEMAP__PIECE_SIZE 400
+typedef struct conemap__piece {
+    const char *name;
+    int raw;
+    char text[CONEMAP__PIECE_SIZE];
+} conemap__piece;
+
+#define CONEMAP__PIECES 96
+#define CONEMAP__NAME_SIZE 64
+
+typedef struct conemap__emitter {
+    conemap_shader_desc desc;
+    char *text;
+    size_t size, capacity;
+    unsigned char flags[conemap__flag_count];
+    unsigned char written[sizeof conemap__snippets / sizeof conemap__snippets[0]];
+    conemap__piece pieces[CONEMAP__PIECES];
+    int piece_count;
+    const char *prefix;
+    char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
+    int commenting;
+} conemap__emitter;
+
+static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
+    if (e->text && e->size + length < e->capacity) memcpy(e->text + e->size, text, length);
+    e->size += length;
+}
+
+static void conemap__puts(conemap__emitter *e, const char *text) { conemap__put(e, text, strlen(text)); }
+
+/* Appends to a piece; what it is given always fits, as names are bounded. */
+static void conemap__append(char *text, size_t size, const char *more) {
+    size_t used = strlen(text), length = strlen(more);
+    if (used + length < size) memcpy(text + used, more, length + 1);
+}
+
+static void conemap__append_int(char *text, size_t size, int value) {
+    char digits[16];
+    int at = 15;
+    unsigned rest = value < 0 ? 0u - (unsigned)value : (unsigned)value;
+    digits[at] = 0;
+    do digits[--at] = (char)('0' + (int)(rest % 10u));
+    while ((rest /= 10u) != 0);
+    if (value < 0) digits[--at] = '-';
+    conemap__append(text, size, digits + at);
+}
+
+/* Nine digits, which give a float back to the bit; with an f, that only C keeps. */
+static void conemap__append_float(char *text, size_t size, float value) {
+    double x = (double)value;
+    char digits[24];
+    int exponent = 0, k, last;
+    uint32_t whole;
+    if (!(x > 0.0)) { /* nothing below 0 is ever written */
+        conemap__append(text, size, "0.0f");
+        return;
+    }
+    while (x >= 10.0) x /= 10.0, ++exponent;
+    while (x < 1.0) x *= 10.0, --exponent;
+    whole = (uint32_t)(x * 1e8 + 0.5);
+    if (whole >= 1000000000u) whole /= 10u, ++exponent;
+    for (k = 9; k > 0; --k) digits[k] = (char)('0' + (int)(whole % 10u)), whole /= 10u;
+    digits[0] = digits[1];
+    digits[1] = '.';
+    for (last = 9; last > 2 && digits[last] == '0';) --last;
+    digits[last + 1] = 0;
+    if (exponent > 0 && exponent < 7) { /* move the point */
+        for (k = 1; k <= exponent; ++k) digits[k] = k + 1 <= last ? digits[k + 1] : '0';
+        digits[exponent + 1] = '.';
+        if (last <= exponent + 1) {
+            digits[exponent + 2] = '0';
+            digits[exponent + 3] = 0;
+        }
+    }
+    conemap__append(text, size, digits);
+    if (exponent < 0 || exponent >= 7) {
+        conemap__append(text, size, "e");
+        conemap__append_int(text, size, exponent);
+    }
+    conemap__append(text, size, "f");
+}
+
+static char *conemap__piece_new(conemap__emitter *e, const char *name, int raw) {
+    conemap__piece *piece = &e->pieces[e->piece_count++];
+    piece->name = name;
+    piece->raw = raw;
+    piece->text[0] = 0;
+    return piece->text;
+}
+
+static void conemap__piece_set(conemap__emitter *e, const char *name, int raw, const char *text) {
+    conemap__append(conemap__piece_new(e, name, raw), CONEMAP__PIECE_SIZE, text);
+}
+
+CONEMAP__INLINE int conemap__is_letter(char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
+}
+CONEMAP__INLINE int conemap__is_digit(char c) { return c >= '0' && c <= '9'; }
+
+CONEMAP__INLINE int conemap__same(const char *text, const char *name, size_t length) {
+    return strncmp(text, name, length) == 0 && text[length] == 0;
+}
+
+static int conemap__flag(const conemap__emitter *e, const char *name, size_t length) {
+#define CONEMAP__FLAG_ITEM(name) #name,
+    static const char *const names[] = {CONEMAP__FLAGS(CONEMAP__FLAG_ITEM)};
+#undef CONEMAP__FLAG_ITEM
+    int k;
+    for (k = 0; k < (int)conemap__flag_count; ++k)
+        if (conemap__same(names[k], name, length)) return e->flags[k];
+    return 0;
+}
+
+static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t length);
+
+/* One word of a snippet: in the first pass what it needs is written, in the second the word itself. */
+static void conemap__token(conemap__emitter *e, const char *token, size_t length, int called, int needs) {
+    int k, hlsl = e->flags[conemap__flag_hlsl], c = e->flags[conemap__flag_c];
+    for (k = 0; (hlsl || c) && !e->commenting && k < (int)(sizeof conemap__words / sizeof conemap__words[0]); ++k) {
+        const conemap__word *word = &conemap__words[k];
+        if (!conemap__same(word->word, token, length)) continue;
+        token = hlsl ? (called ? word->hlsl_call : word->hlsl) : called ? word->c_call : word->c;
+        length = strlen(token);
+        break;
+    }
+    if (needs) {
+        if (!e->commenting) conemap__snippet_named(e, token, length);
+    } else if (length > 8 && strncmp(token, "conemap_", 8) == 0) {
+        conemap__puts(e, e->prefix);
+        conemap__put(e, token + 7, length - 7);
+    } else {
+        conemap__put(e, token, length);
+    }
+}
+
+/* Writes a text, its pieces put in, to its end or to the end of its line; returns where it stopped. */
+static const char *conemap__expand(conemap__emitter *e, const char *text, int needs) {
+    const int commenting = e->commenting;
+    while (*text && *text != '\n') {
+        size_t length = 1;
+        if (text[0] == '/' && text[1] == '/') e->commenting = 1; /* comments need nothing and keep their words */
+        if (text[0] == '$') {
+            int k;
+            while ((text[length] >= 'A' && text[length] <= 'Z') || text[length] == '_' || conemap__is_digit(text[length]))
+                ++length;
+            for (k = 0; k < e->piece_count; ++k)
+                if (conemap__same(e->pieces[k].name, text + 1, length - 1)) break;
+            if (k < e->piece_count && e->pieces[k].raw) {
+                if (!needs) conemap__puts(e, e->pieces[k].text);
+            } else if (k < e->piece_count) {
+                conemap__expand(e, e->pieces[k].text, needs);
+            }
+        } else if (conemap__is_letter(text[0])) {
+            while (conemap__is_letter(text[length]) || conemap__is_digit(text[length])) ++length;
+            conemap__token(e, text, length, text[length] == '(', needs);
+        } else if (conemap__is_digit(text[0]) && !e->commenting) { /* C alone keeps the f of 1.0f */
+            while (conemap__is_letter(text[length]) || conemap__is_digit(text[length]) || text[length] == '.' ||
+                   (text[length] == '-' && text[length - 1] == 'e'))
+                ++length;
+            if (!needs) conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] ? length - 1 : length);
+        } else if (!needs) {
+            conemap__put(e, text, 1);
+        }
+        text += length;
+    }
+    e->commenting = commenting;
+    return text;
+}
+
+/* All lines whose flags hold. */
+static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
+    while (*text) {
+        int wanted = 1;
+        if (*text == '?') {
+            do {
+                size_t length = 0;
+                int negated = *++text == '!';
+                text += negated;
+                while (text[length] != ',' && text[length] != ' ') ++length;
+                wanted = wanted && conemap__flag(e, text, length) != negated;
+                text += length;
+            } while (*text == ',');
+            ++text;
+        }
+        if (wanted && *text == '@') { /* a piece of several lines */
+            const char *part = text[1] == 'm' ? conemap__move : text[1] == 's' ? conemap__surface : conemap__cone;
+            conemap__lines(e, part, needs);
+            while (*text && *text != '\n') ++text;
+        } else if (wanted) {
+            text = conemap__expand(e, text, needs);
+            if (!needs) conemap__put(e, "\n", 1);
+        } else {
+            while (*text && *text != '\n') ++text;
+        }
+        if (*text) ++text;
+    }
+}
+
+/* Writes the snippet of that name, if there is one, once, and before it what it needs. */
+static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t length) {
+    int k;
+    for (k = 0; k < (int)(sizeof conemap__snippets / sizeof conemap__snippets[0]); ++k) {
+        if (e->written[k] || !conemap__same(conemap__snippets[k].name, name, length)) continue;
+        e->written[k] = 1;
+        conemap__lines(e, conemap__snippets[k].text, 1);
+        conemap__lines(e, conemap__snippets[k].text, 0);
+        conemap__put(e, "\n", 1);
+    }
+}
+
+/* What stands before and behind the functions. */
+static const char conemap__head_text[] =
+    "?version #version $VERSION\n"
+    "// conemap.h: $TRACER tracer.\n"
+    "?!any // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
+    "?any // conemap_any_hit($SIGNATURE): does a ray meet the relief?\n"
+    "// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.\n"
+    "?t_range // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
+    "?cap // max_steps: where to give up.\n"
+    "?atlas // rect: the map in the texture, (x, y, width, height) in texels.\n"
+    "?size_argument // size: the map's width and height in texels.\n"
+    "?array // slice: the texture array's.\n"
+    "?uses_map // $MAP_NAME: $MAP_COMMENT\n"
+    "?uses_heights // $HEIGHTS_NAME: height in the first channel$FILTER_COMMENT\n"
+    "?uses_maxima // $MAXIMA_NAME: maxima over bilinear cells, with all its mips; only fetched\n"
+    "?host // $FETCH_NAME: the host's; $FETCH_COMMENT\n"
+    "?c #include <math.h>\n"
+    "?c #include <stdbool.h>\n"
+    "\n"
+    "?es precision $PRECISION float;\n"
+    "?es precision highp int;\n"
+    "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_heights,!external,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
+    "?uses_maxima,!external,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
+    "?uses_map,!external,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_heights,!external,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
+    "?uses_maxima,!external,hlsl $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
+    "?sampler,!external SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "\n";
+
+static const char conemap__host_text[] =
+    "$TEXEL_TYPE $FETCH_NAME($FETCH_PARAMS);\n"
+    "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level$SLICE_PARAM);\n"
+    "\n";
+
+static const char conemap__fragment_text[] =
+    "?glsl $IN_0in vec3 conemap_origin;\n"
+    "?glsl $IN_1in vec3 conemap_direction;\n"
+    "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
+    "?glsl,!located out vec4 conemap_color;\n"
+    "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
+    "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
+    "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?arguments,t_range $UNIFORMvec2 conemap_range; // t_min, t_max\n"
+    "?arguments,cap $UNIFORMint conemap_max_steps;\n"
+    "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
+    "?arguments,size_argument $UNIFORMivec2 conemap_map_size;\n"
+    "?arguments,array $UNIFORMint conemap_slice;\n"
+    "?vulkan,arguments };\n"
+    "?hlsl,arguments };\n"
+    "\n"
+    "?hlsl,debug struct conemap_targets {\n"
+    "?hlsl,debug     float4 color : SV_Target0; // u, v, z, t\n"
+    "?hlsl,debug     float4 debug : SV_Target1; // steps, status\n"
+    "?hlsl,debug };\n"
+    "?hlsl,debug \n"
+    "?hlsl,debug conemap_targets main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) {\n"
+    "?hlsl,!debug float4 main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) : SV_Target0 {\n"
+    "?glsl void main() {\n"
+    "?hlsl,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?glsl,!any     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
+    "?discards     if (!hit.found) discard;\n"
+    "?glsl,!any     conemap_color = vec4(hit.position, hit.t);\n"
+    "?glsl,any     float light = conemap_any_hit(conemap_origin, conemap_direction$ARGS) ? 0.0f : 1.0f;\n"
+    "?glsl,any     conemap_color = vec4(light, light, light, 1.0f);\n"
+    "?glsl,debug     conemap_debug = vec4($DEBUG);\n"
+    "?hlsl,debug     conemap_targets targets;\n"
+    "?hlsl,debug     targets.color = vec4(hit.position, hit.t);\n"
+    "?hlsl,debug     targets.debug = vec4($DEBUG);\n"
+    "?hlsl,debug     return targets;\n"
+    "?hlsl,!debug,!any     return vec4(hit.position, hit.t);\n"
+    "?hlsl,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
+    "?hlsl,any     return vec4(light, light, light, 1.0f);\n"
+    "}\n";
+
+static const char conemap__compute_text[] =
+    "?glsl layout(local_size_x = 64) in;\n"
+    "?glsl layout(std430$RAYS_LAYOUT) readonly buffer conemap_ray_buffer {\n"
+    "?glsl     vec4 conemap_rays[]; // origin, t_min; direction, t_max\n"
+    "?glsl };\n"
+    "?glsl layout(std430$HITS_LAYOUT) writeonly buffer conemap_hit_buffer {\n"
+    "?glsl,!debug     vec4 conemap_hits[]; // u, v, z, t, which is -1 without a hit\n"
+    "?glsl,debug     vec4 conemap_hits[]; // u, v, z, t, which is -1 without a hit; steps, status\n"
+    "?glsl };\n"
+    "?hlsl StructuredBuffer<float4> conemap_rays$RAYS_LAYOUT;   // origin, t_min; direction, t_max\n"
+    "?hlsl,!debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit\n"
+    "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; steps, status\n"
+    "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
+    "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?arguments,cap $UNIFORMint conemap_max_steps;\n"
+    "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
+    "?arguments,size_argument $UNIFORMivec2 conemap_map_size;\n"
+    "?arguments,array $UNIFORMint conemap_slice;\n"
+    "?vulkan,arguments };\n"
+    "?hlsl,arguments };\n"
+    "\n"
+    "?hlsl [numthreads(64, 1, 1)]\n"
+    "?hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?hlsl     uint count, stride;\n"
+    "?hlsl     conemap_rays.GetDimensions(count, stride);\n"
+    "?hlsl     uint ray = thread.x;\n"
+    "?hlsl     if (ray >= count / 2) return;\n"
+    "?glsl void main() {\n"
+    "?glsl     int ray = int(gl_GlobalInvocationID.x);\n"
+    "?glsl     if (ray >= conemap_rays.length() / 2) return;\n"
+    "?!t_range     vec3 origin = conemap_rays[2$UNSIGNED * ray].xyz, direction = conemap_rays[2$UNSIGNED * ray + 1$UNSIGNED].xyz;\n"
+    "?t_range     vec4 origin = conemap_rays[2$UNSIGNED * ray], direction = conemap_rays[2$UNSIGNED * ray + 1$UNSIGNED];\n"
+    "?t_range,!any     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?t_range,any     bool met = conemap_any_hit(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,any     bool met = conemap_any_hit(origin, direction$ARGS);\n"
+    "?!any,!debug     conemap_hits[ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
+    "?debug     conemap_hits[2$UNSIGNED * ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
+    "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
+    "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no telling where\n"
+    "}\n";
+
+/* Null is fine and stands for a default; anything else must be an identifier that every dialect takes. */
+static int conemap__is_name(const char *name) {
+    size_t k;
+    if (!name) return 1;
+    if (!conemap__is_letter(name[0]) || strncmp(name, "gl_", 3) == 0) return 0;
+    for (k = 0; name[k]; ++k)
+        if (k >= CONEMAP__NAME_SIZE - 1 || (!conemap__is_letter(name[k]) && !conemap__is_digit(name[k])) ||
+            (name[k] == '_' && name[k + 1] == '_'))
+            return 0;
+    return 1;
+}
+
+/* Checks a desc, writes its defaults out and sets the flags that depend on single fields. */
+static conemap_result conemap__resolve_shader(conemap__emitter *e) {
+    conemap_shader_desc *d = &e->desc;
+    unsigned char *f = e->flags;
+    conemap_result result;
+    conemap_tracer tracer;
+    const char *names[6];
+    int k, m, relaxed;
+    if (!CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT) || !CONEMAP__KNOWN(d->stage, CONEMAP_STAGE_COUNT) ||
+        !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) || !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
+        !CONEMAP__KNOWN(d->map.wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(d->map.wrap_v, CONEMAP_WRAP_COUNT) ||
+        !CONEMAP__KNOWN(d->map.guarantee, CONEMAP_GUARANTEE_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    result = conemap__resolve_trace(&d->trace);
+    if (result == CONEMAP_OK) result = conemap__check_texture(&d->map.texture);
+    if (result != CONEMAP_OK) return result;
+    if (d->map.aspect == 0.0f) d->map.aspect = 1.0f;
+    if (d->map.max_tan == 0.0f) d->map.max_tan = 1.0f;
+    if (!conemap__in_range(d->map.aspect, 1.0f / 32768.0f, 32768.0f) ||
+        !conemap__in_range(d->map.max_tan, 1e-30f, CONEMAP_TAN_LIMIT) || d->set < 0 || d->set > 1024 || d->binding < 0 ||
+        d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536 || d->sectors < 0)
+        return CONEMAP_ERROR_PARAMETER;
+    if (d->fixed_size && (d->map.width < 1 || d->map.height < 1 || d->map.width > CONEMAP_MAX_SIZE ||
+                          d->map.height > CONEMAP_MAX_SIZE))
+        return CONEMAP_ERROR_SIZE;
+    names[0] = d->prefix;
+    names[1] = d->map_name;
+    names[2] = d->heights_name;
+    names[3] = d->maxima_name;
+    names[4] = d->sampler_name;
+    names[5] = d->fetch;
+    for (k = 0; k < 6; ++k) {
+        if (!conemap__is_name(names[k])) return CONEMAP_ERROR_PARAMETER;
+        for (m = 0; m < k; ++m)
+            if (names[k] && names[m] && strcmp(names[k], names[m]) == 0) return CONEMAP_ERROR_PARAMETER;
+    }
+    if (!conemap__is_name(d->fetch_maxima)) return CONEMAP_ERROR_PARAMETER;
+    if (d->flags != 0 || d->sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
+
+    tracer = d->trace.tracer;
+    e->prefix = d->prefix ? d->prefix : "conemap";
+    f[conemap__flag_c] = d->dialect == CONEMAP_C99;
+    f[conemap__flag_hlsl] = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60;
+    f[conemap__flag_glsl] = !f[conemap__flag_c] && !f[conemap__flag_hlsl];
+    f[conemap__flag_es] = d->dialect == CONEMAP_ESSL_300 || d->dialect == CONEMAP_ESSL_310;
+    f[conemap__flag_vulkan] = d->dialect == CONEMAP_GLSL_450_VULKAN;
+    f[conemap__flag_exact] = tracer == CONEMAP_TRACE_EXACT;
+    f[conemap__flag_linear] = tracer == CONEMAP_TRACE_LINEAR;
+    f[conemap__flag_loop] = tracer == CONEMAP_TRACE_LOOP || tracer == CONEMAP_TRACE_FIXED;
+    f[conemap__flag_exact_step] = tracer == CONEMAP_TRACE_EXACT_STEP;
+    f[conemap__flag_cell_max] = tracer == CONEMAP_TRACE_CELL_MAX;
+    f[conemap__flag_maxmip] = tracer == CONEMAP_TRACE_MAXMIP;
+    f[conemap__flag_qdm] = tracer == CONEMAP_TRACE_QDM;
+    f[conemap__flag_blocks] = f[conemap__flag_maxmip] || f[conemap__flag_qdm];
+    f[conemap__flag_solves] = f[conemap__flag_exact] || f[conemap__flag_blocks];
+    f[conemap__flag_cones] = !f[conemap__flag_blocks] && !f[conemap__flag_linear];
+    f[conemap__flag_secant] = !f[conemap__flag_solves] && d->trace.refinement == CONEMAP_REFINE_SECANT;
+    f[conemap__flag_bisect] = !f[conemap__flag_solves] && d->trace.refinement == CONEMAP_REFINE_BISECT;
+    f[conemap__flag_refined] = !f[conemap__flag_solves] && d->trace.refinement != CONEMAP_REFINE_NONE;
+    f[conemap__flag_adaptive] = tracer == CONEMAP_TRACE_LOOP && d->trace.adaptive_steps;
+    f[conemap__flag_any] = d->trace.any_hit && (f[conemap__flag_exact] || f[conemap__flag_maxmip]);
+    relaxed = d->map.guarantee == CONEMAP_GUARANTEE_RELAXED || d->map.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+    f[conemap__flag_back] = f[conemap__flag_exact] && !f[conemap__flag_any] && d->map.guarantee != CONEMAP_GUARANTEE_DEFAULT &&
+                            d->map.guarantee != CONEMAP_GUARANTEE_BILINEAR;
+    f[conemap__flag_falling] = relaxed && f[conemap__flag_exact];
+    f[conemap__flag_wrap_u] = d->map.wrap_u == CONEMAP_WRAP;
+    f[conemap__flag_wrap_v] = d->map.wrap_v == CONEMAP_WRAP;
+    f[conemap__flag_wraps] = f[conemap__flag_wrap_u] || f[conemap__flag_wrap_v];
+    f[conemap__flag_nothing_u] = d->map.wrap_u == CONEMAP_NOTHING;
+    f[conemap__flag_nothing_v] = d->map.wrap_v == CONEMAP_NOTHING;
+    f[conemap__flag_nothing] = f[conemap__flag_nothing_u] || f[conemap__flag_nothing_v];
+    f[conemap__flag_host] = d->fetch != NULL;
+    f[conemap__flag_host_maxima] = d->fetch_maxima != NULL && f[conemap__flag_blocks];
+    f[conemap__flag_per_cell] = d->map.texture.per_cell && f[conemap__flag_cones];
+    f[conemap__flag_cone_only] = d->map.texture.layout == CONEMAP_CONE_ONLY && !d->fetch;
+    f[conemap__flag_hardware] = d->filter == CONEMAP_FILTER_HARDWARE;
+    f[conemap__flag_gather] = d->filter == CONEMAP_FILTER_GATHER;
+    f[conemap__flag_apart] = f[conemap__flag_cone_only] || f[conemap__flag_per_cell];
+    f[conemap__flag_cone_texel] = f[conemap__flag_cones] && f[conemap__flag_per_cell] &&
+                                  (f[conemap__flag_gather] || f[conemap__flag_hardware]);
+    f[conemap__flag_steps] = d->steps != 0 && !f[conemap__flag_any];
+    f[conemap__flag_status] = d->status != 0 && !f[conemap__flag_any];
+    f[conemap__flag_debug] = f[conemap__flag_steps] || f[conemap__flag_status];
+    f[conemap__flag_t_range] = d->t_range != 0;
+    f[conemap__flag_cap] = d->run_time_cap != 0;
+    f[conemap__flag_atlas] = d->atlas != 0;
+    f[conemap__flag_array] = d->array != 0;
+    f[conemap__flag_external] = d->external != 0;
+    f[conemap__flag_size_argument] = d->fetch && !d->fixed_size && !d->atlas;
+    f[conemap__flag_size_asked] = !d->fetch && !d->fixed_size && !d->atlas;
+    f[conemap__flag_fragment] = d->stage == CONEMAP_STAGE_FRAGMENT;
+    f[conemap__flag_compute] = d->stage == CONEMAP_STAGE_COMPUTE;
+    f[conemap__flag_uses_map] = !d->fetch && (f[conemap__flag_cones] || !f[conemap__flag_cone_only]);
+    f[conemap__flag_uses_heights] = f[conemap__flag_cone_only];
+    f[conemap__flag_uses_maxima] = f[conemap__flag_blocks] && !d->fetch_maxima;
+    f[conemap__flag_sampler] = f[conemap__flag_hlsl] && !d->fetch && d->filter != CONEMAP_FILTER_FETCH;
+    f[conemap__flag_located] = d->dialect != CONEMAP_GLSL_330 && d->dialect != CONEMAP_ESSL_300;
+    f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_STAGE_FUNCTIONS;
+    f[conemap__flag_discards] = f[conemap__flag_fragment] && !f[conemap__flag_any] && !f[conemap__flag_status];
+    f[conemap__flag_arguments] = f[conemap__flag_cap] || f[conemap__flag_atlas] || f[conemap__flag_array] ||
+                                 f[conemap__flag_size_argument] || (f[conemap__flag_t_range] && !f[conemap__flag_compute]);
+    {
+        int old = !f[conemap__flag_located], exact = f[conemap__flag_solves];
+        if ((old && (d->stage == CONEMAP_STAGE_COMPUTE || d->filter == CONEMAP_FILTER_GATHER || d->binding != 0)) ||
+            (d->set != 0 && !f[conemap__flag_vulkan] && d->dialect != CONEMAP_HLSL_60) ||
+            (d->sampler_binding != 0 && !f[conemap__flag_hlsl]) ||
+            (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
+            (f[conemap__flag_c] && (d->stage != CONEMAP_STAGE_FUNCTIONS || !d->fetch || d->binding != 0)) ||
+            (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
+            (exact && f[conemap__flag_hardware]) || (d->fetch && f[conemap__flag_gather]) ||
+            (d->fetch && f[conemap__flag_hardware] && f[conemap__flag_per_cell]) ||
+            (d->atlas && (d->filter != CONEMAP_FILTER_FETCH || d->fixed_size || f[conemap__flag_blocks])) ||
+            (f[conemap__flag_per_cell] && d->map.texture.encoding == CONEMAP_RADIUS) ||
+            (d->external && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
+            (d->trace.any_hit && !f[conemap__flag_any]) || (f[conemap__flag_any] && (d->steps || d->status)))
+            return CONEMAP_ERROR_UNSUPPORTED;
+    }
+    return CONEMAP_OK;
+}
+
+/* An expression that reads a texture: `place` is what the dialect wants between the brackets. */
+static void conemap__read_texture(conemap__emitter *e, char *out, const char *texture, const char *how, const char *place,
+                                  const char *swizzle) {
+    if (e->flags[conemap__flag_hlsl]) {
+        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
+        conemap__append(out, CONEMAP__PIECE_SIZE, how);
+        conemap__append(out, CONEMAP__PIECE_SIZE, place);
+    } else {
+        conemap__append(out, CONEMAP__PIECE_SIZE, how);
+        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
+        conemap__append(out, CONEMAP__PIECE_SIZE, place);
+    }
+    conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
+}
+
+/* layout(...), : register(...) for the next resource. */
+static void conemap__place_resource(conemap__emitter *e, const char *name, char kind, int number) {
+    char *out = conemap__piece_new(e, name, 1);
+    const size_t size = CONEMAP__PIECE_SIZE;
+    char letter[2];
+    letter[0] = kind;
+    letter[1] = 0;
+    if (e->flags[conemap__flag_hlsl]) {
+        conemap__append(out, size, " : register(");
+        conemap__append(out, size, letter);
+        conemap__append_int(out, size, number);
+        if (e->desc.set != 0) {
+            conemap__append(out, size, ", space");
+            conemap__append_int(out, size, e->desc.set);
+        }
+        conemap__append(out, size, ")");
+    } else if (e->flags[conemap__flag_located]) {
+        conemap__append(out, size, kind == 'b' ? ", " : "layout(");
+        if (e->flags[conemap__flag_vulkan]) {
+            conemap__append(out, size, "set = ");
+            conemap__append_int(out, size, e->desc.set);
+            conemap__append(out, size, ", ");
+        }
+        conemap__append(out, size, "binding = ");
+        conemap__append_int(out, size, number);
+        if (kind != 'b') conemap__append(out, size, ") ");
+    }
+}
+
+static const char *conemap__resource_name(conemap__emitter *e, int index, const char *given, const char *ending) {
+    if (given) return given;
+    e->names[index][0] = 0;
+    conemap__append(e->names[index], sizeof e->names[index], e->prefix);
+    conemap__append(e->names[index], sizeof e->names[index], ending);
+    return e->names[index];
+}
+
+/* Says what every piece stands for. */
+static void conemap__make_pieces(conemap__emitter *e) {
+    static const char *const versions[CONEMAP_DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
+                                                                "310 es", "", "", ""};
+    static const char *const tracers[CONEMAP_TRACER_COUNT] = {"exact", "exact", "linear", "fixed", "loop", "exact-step",
+                                                              "cell-max", "max-mipmap", "quadtree displacement"};
+    static const char *const formats[CONEMAP_FORMAT_COUNT] = {"32f", "16f", "16", "8"};
+    static const char *const encodings[CONEMAP_ENCODING_COUNT] = {"tan of the cone", "sqrt(tan) of the cone",
+                                                                  "radius of the cone at z = 1"};
+    const conemap_shader_desc *d = &e->desc;
+    const unsigned char *f = e->flags;
+    const size_t size = CONEMAP__PIECE_SIZE;
+    const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], cones = f[conemap__flag_cones];
+    const int blocks = f[conemap__flag_blocks], host = f[conemap__flag_host], unorm = d->map.texture.format >= CONEMAP_UNORM16;
+    const char *map = "$MAP_NAME", *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
+    const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
+    const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
+    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *gathers, *texel;
+    char number_w[16], number_h[16];
+    char *out;
+    int binding = d->binding, k;
+
+    /* Sizes, arguments, types. */
+    if (d->fixed_size) {
+        number_w[0] = number_h[0] = 0;
+        conemap__append_int(number_w, sizeof number_w, d->map.width);
+        conemap__append_int(number_h, sizeof number_h, d->map.height);
+        w = number_w;
+        h = number_h;
+    } else if (d->atlas) {
+        w = "rect.z";
+        h = "rect.w";
+    }
+    conemap__piece_set(e, "W", 1, w);
+    conemap__piece_set(e, "H", 1, h);
+    for (k = 0; k < 3; ++k) { /* as floats: width, height, the longer */
+        static const char *const names[3] = {"FW", "FH", "LONGEST"};
+        const char *side = k == 0 || (k == 2 && d->map.width >= d->map.height) ? w : h;
+        out = conemap__piece_new(e, names[k], 0);
+        if (d->fixed_size) {
+            conemap__append(out, size, side);
+            conemap__append(out, size, ".0f");
+        } else if (k == 2) {
+            conemap__append(out, size, d->atlas ? "float(rect.z > rect.w ? rect.z : rect.w)"
+                                                : "float(size.x > size.y ? size.x : size.y)");
+        } else {
+            conemap__append(out, size, "float(");
+            conemap__append(out, size, side);
+            conemap__append(out, size, ")");
+        }
+    }
+    out = conemap__piece_new(e, "SIZE_PARAMS", 0);
+    conemap__append(out, size, d->fixed_size ? "" : d->atlas ? ", ivec4 rect" : ", ivec2 size");
+    out = conemap__piece_new(e, "MAP_PARAMS", 0);
+    conemap__append(out, size, "$SIZE_PARAMS$SLICE_PARAM");
+    conemap__piece_set(e, "SLICE_PARAM", 0, array ? ", int slice" : "");
+    conemap__piece_set(e, "SIZE", 0, d->fixed_size ? "" : d->atlas ? ", rect" : ", size");
+    conemap__piece_set(e, "MAP", 0, array ? "$SIZE, slice" : "$SIZE");
+    conemap__piece_set(e, "RANGE_PARAMS", 0, d->t_range ? ", float t_min, float t_max" : "");
+    conemap__piece_set(e, "RANGE", 0, d->t_range ? ", t_min, t_max" : "");
+    out = conemap__piece_new(e, "PARAMS", 0);
+    conemap__append(out, size, "$RANGE_PARAMS");
+    if (d->run_time_cap) conemap__append(out, size, ", int max_steps");
+    conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_PARAM" : "$MAP_PARAMS");
+    out = conemap__piece_new(e, "SIGNATURE", 0); /* of the comment */
+    conemap__append(out, size, "origin, direction$RANGE");
+    if (d->run_time_cap) conemap__append(out, size, ", max_steps");
+    if (!f[conemap__flag_size_asked]) conemap__append(out, size, "$SIZE");
+    if (array) conemap__append(out, size, ", slice");
+    out = conemap__piece_new(e, "ARGS", 0); /* of the call in main */
+    if (d->t_range && d->stage == CONEMAP_STAGE_FRAGMENT)
+        conemap__append(out, size, ", conemap_range.x, conemap_range.y");
+    if (d->run_time_cap) conemap__append(out, size, ", conemap_max_steps");
+    if (d->atlas) conemap__append(out, size, ", conemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", conemap_map_size");
+    if (array) conemap__append(out, size, ", conemap_slice");
+    conemap__piece_set(e, "STRUCT", 0, f[conemap__flag_c] ? "typedef struct" : "struct");
+    conemap__piece_set(e, "FN", 1, f[conemap__flag_c] ? "static " : "");
+
+    out = conemap__piece_new(e, "SIZE_ASKED", 0);
+    conemap__append(out, size, hlsl ? "conemap_size()" : array ? "textureSize($ANY_TEXTURE, 0).xy" : "textureSize($ANY_TEXTURE, 0)");
+
+    /* The ray. */
+    conemap__piece_set(e, "T_MIN", 0, d->t_range ? "t_min" : "0.0f");
+    conemap__piece_set(e, "T_MAX_STATUS", 0, !d->t_range                  ? "1"
+                                             : f[conemap__flag_nothing] ? "(box.y == t_max ? 3 : 1)"
+                                                                        : "range.x <= range.y && range.y == t_max ? 3 : 1");
+    conemap__piece_set(e, "CLIP_U", 0, f[conemap__flag_nothing_u] ? "conemap_clip(range, origin.x, direction.x, rim_u, 1.0f - rim_u)"
+                                                                  : "conemap_clip(range, origin.x, direction.x, 0.0f, 1.0f)");
+    conemap__piece_set(e, "LOW_V", 0, f[conemap__flag_nothing_v] ? "rim_v" : "0.0f");
+    conemap__piece_set(e, "HIGH_V", 0, f[conemap__flag_nothing_v] ? "1.0f - rim_v" : "1.0f");
+    out = conemap__piece_new(e, "ASPECT2", 0);
+    if (d->map.aspect != 1.0f) {
+        conemap__append_float(out, size, d->map.aspect * d->map.aspect);
+        conemap__append(out, size, " * ");
+    }
+
+    /* Steps. */
+    out = conemap__piece_new(e, "CAP", 0);
+    k = d->trace.tracer == CONEMAP_TRACE_FIXED ? 10 : d->trace.max_steps;
+    if (d->run_time_cap) {
+        conemap__append(out, size, "max_steps");
+    } else if (k > 0) {
+        conemap__append_int(out, size, k);
+    } else {
+        int times = (blocks ? 16 : 4) * (f[conemap__flag_wraps] ? 16 : 1);
+        if (d->fixed_size) {
+            conemap__append_int(out, size, times * (d->map.width + d->map.height));
+        } else {
+            conemap__append_int(out, size, times);
+            conemap__append(out, size, d->atlas ? " * (rect.z + rect.w)" : " * (size.x + size.y)");
+        }
+    }
+    conemap__piece_set(e, "LIMIT", 0, f[conemap__flag_adaptive] ? "step_count + 1" : f[conemap__flag_linear] || f[conemap__flag_loop] ? "$CAP + 1" : "$CAP");
+    out = conemap__piece_new(e, "SCALE", 0);
+    if (d->trace.step_scale != 1.0f) {
+        conemap__append_float(out, size, d->trace.step_scale);
+        conemap__append(out, size, " * ");
+    }
+    conemap__append_float(conemap__piece_new(e, "TOLERANCE", 0), size, d->trace.tolerance);
+    conemap__append_int(conemap__piece_new(e, "REFINE_STEPS", 0), size, d->trace.refine_steps);
+    conemap__append_float(conemap__piece_new(e, "MAX_TAN", 0), size, d->map.max_tan);
+    conemap__piece_set(e, "TANGENT", 0, d->map.texture.encoding == CONEMAP_SQRT     ? "cone * cone"
+                                        : d->map.texture.encoding == CONEMAP_RADIUS ? "conemap_tangent(cone, height)"
+                                                                                    : "cone");
+    out = conemap__piece_new(e, "CONES_DENIED", 0);
+    if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
+    conemap__append(out, size, " || t < walked");
+    conemap__piece_set(e, "FOUND", 0, f[conemap__flag_solves] ? "hit >= 0.0f" : "found");
+    conemap__piece_set(e, "BOOLS", 0, f[conemap__flag_solves] ? "" : ", found = false, ends = false");
+    out = conemap__piece_new(e, "STATE", 0);
+    conemap__append(out, size, f[conemap__flag_solves] ? ", hit = -1.0f" : ", gap = 0.0f");
+    if (cones) conemap__append(out, size, ", speed = sqrt(direction.x * direction.x + $ASPECT2direction.y * direction.y)");
+    if (f[conemap__flag_back]) conemap__append(out, size, ", flown = 0.0f, walked = -1.0f");
+    if (f[conemap__flag_secant]) conemap__append(out, size, ", above = 0.0f");
+    if (f[conemap__flag_loop] && f[conemap__flag_refined]) conemap__append(out, size, ", t_above = range.x");
+    conemap__piece_set(e, "EXTRA", 0, f[conemap__flag_exact_step] ? " + extra" : "");
+    k = f[conemap__flag_solves] || (f[conemap__flag_exact_step] && !f[conemap__flag_refined]); /* dt is still to go */
+    conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * dt)" : "x");
+    conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * dt)" : "y");
+    conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * dt" : "z");
+    conemap__piece_set(e, "AT_T", 0, k ? "t + dt" : "t");
+
+    /* Blocks. */
+    conemap__piece_set(e, "CELLS_U", 0, f[conemap__flag_wrap_u] ? "$W" : f[conemap__flag_nothing_u] ? "($W > 1 ? $W - 1 : 1)" : "$W + 1");
+    conemap__piece_set(e, "CELLS_V", 0, f[conemap__flag_wrap_v] ? "$H" : f[conemap__flag_nothing_v] ? "($H > 1 ? $H - 1 : 1)" : "$H + 1");
+    conemap__piece_set(e, "CELL_U", 0, f[conemap__flag_wrap_u]      ? "conemap_repeat(si > 0 ? i : i - 1, $W)"
+                                       : f[conemap__flag_nothing_u] ? "clamp(si > 0 ? i : i - 1, 0, cells_u - 1)"
+                                                                    : "clamp(si > 0 ? i + 1 : i, 0, cells_u - 1)");
+    conemap__piece_set(e, "CELL_V", 0, f[conemap__flag_wrap_v]      ? "conemap_repeat(sj > 0 ? j : j - 1, $H)"
+                                       : f[conemap__flag_nothing_v] ? "clamp(sj > 0 ? j : j - 1, 0, cells_v - 1)"
+                                                                    : "clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1)");
+
+    /* Texture reads. */
+    fetch = hlsl ? ".Load" : "texelFetch(";
+    texel = hlsl ? (array ? "(int4($I, $J, slice, 0))" : "(int3($I, $J, 0))")
+            : array ? ", ivec3($I, $J, slice), 0)"
+                    : ", ivec2($I, $J), 0)";
+    for (k = 0; k < 2; ++k) { /* the texel of an index, inside the map and the atlas */
+        out = conemap__piece_new(e, k == 0 ? "I" : "J", 0);
+        if (d->atlas) conemap__append(out, size, k == 0 ? "rect.x + " : "rect.y + ");
+        conemap__append(out, size, f[k == 0 ? conemap__flag_wrap_u : conemap__flag_wrap_v]
+                                       ? (k == 0 ? "conemap_repeat(i, $W)" : "conemap_repeat(j, $H)")
+                                       : (k == 0 ? "clamp(i, 0, $W - 1)" : "clamp(j, 0, $H - 1)"));
+    }
+    sample = hlsl ? ".SampleLevel($SAMPLER_NAME" : "textureLod(";
+    uv = hlsl ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)") : array ? ", vec3(uv, float(slice)), 0.0)" : ", uv, 0.0)";
+    out = conemap__piece_new(e, "TEXEL", 0);
+    if (host) {
+        conemap__append(out, size, "$FETCH_NAME");
+        conemap__append(out, size, array ? "($I, $J, slice)" : "($I, $J)");
+    } else if (f[conemap__flag_cone_texel]) {
+        conemap__read_texture(e, out, map, fetch, texel, cone_swizzle);
+    } else if (!cones) {
+        conemap__read_texture(e, out, height_texture, fetch, texel, ".r");
+    } else if (f[conemap__flag_cone_only]) {
+        conemap__append(out, size, hlsl ? "float2(" : "vec2(");
+        conemap__read_texture(e, out, heights, fetch, texel, ".r, ");
+        conemap__read_texture(e, out, map, fetch, texel, ".r)");
+    } else {
+        conemap__read_texture(e, out, map, fetch, texel, ".rg");
+    }
+    out = conemap__piece_new(e, "SAMPLE", 0);
+    if (host) {
+        conemap__append(out, size, "$FETCH_NAME");
+        conemap__append(out, size, array ? "(uv.x, uv.y, slice)" : "(uv.x, uv.y)");
+        conemap__piece_set(e, "SAMPLE_HEIGHT", 0, out);
+    } else {
+        conemap__read_texture(e, out, map, sample, uv, ".rg");
+        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, sample, uv, ".r");
+    }
+    conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+    for (k = 0; k < 2; ++k) {
+        const int green = k == 1 && !f[conemap__flag_cone_only];
+        out = conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0);
+        if (hlsl) {
+            conemap__append(out, size, k == 0 ? height_texture : map);
+            conemap__append(out, size, green ? ".GatherGreen(" : ".GatherRed(");
+            conemap__append(out, size, "$SAMPLER_NAME");
+            conemap__append(out, size, array ? ", float3(uv, float(slice)))" : ", uv)");
+        } else {
+            gathers = array ? ", vec3(uv, float(slice))" : ", uv";
+            conemap__append(out, size, "textureGather(");
+            conemap__append(out, size, k == 0 ? height_texture : map);
+            conemap__append(out, size, gathers);
+            conemap__append(out, size, green ? ", 1)" : ")");
+        }
+    }
+    out = conemap__piece_new(e, "MAXIMUM", 0);
+    if (d->fetch_maxima) {
+        conemap__append(out, size, "$FETCH_MAXIMA_NAME");
+        conemap__append(out, size, array ? "(cell_u >> k, cell_v >> k, k, slice)" : "(cell_u >> k, cell_v >> k, k)");
+    } else {
+        conemap__read_texture(e, out, "$MAXIMA_NAME", fetch,
+                              hlsl ? (array ? "(int4(cell_u >> k, cell_v >> k, slice, k))" : "(int3(cell_u >> k, cell_v >> k, k))")
+                              : array ? ", ivec3(cell_u >> k, cell_v >> k, slice), k)"
+                                      : ", ivec2(cell_u >> k, cell_v >> k), k)",
+                              ".r");
+    }
+    conemap__piece_set(e, "TEXEL_TYPE", 0, !cones || f[conemap__flag_cone_texel] ? "float" : "vec2");
+    conemap__piece_set(e, "ANY_TEXTURE", 0, f[conemap__flag_uses_map] ? map : heights);
+    conemap__piece_set(e, "LAYERS", 1, array ? ", layers" : "");
+
+    /* Resources. */
+    conemap__piece_set(e, "VERSION", 1, versions[d->dialect]);
+    conemap__piece_set(e, "TRACER", 1, tracers[d->trace.tracer]);
+    conemap__piece_set(e, "PRECISION", 1, d->precision == CONEMAP_MEDIUMP ? "mediump" : "highp");
+    conemap__piece_set(e, "MAP_NAME", 1, conemap__resource_name(e, 0, d->map_name, "_map"));
+    conemap__piece_set(e, "HEIGHTS_NAME", 1, conemap__resource_name(e, 1, d->heights_name, "_heights"));
+    conemap__piece_set(e, "MAXIMA_NAME", 1, conemap__resource_name(e, 2, d->maxima_name, "_maxima"));
+    conemap__piece_set(e, "SAMPLER_NAME", 1, conemap__resource_name(e, 3, d->sampler_name, "_sampler"));
+    conemap__piece_set(e, "FETCH_NAME", 1, host ? d->fetch : "");
+    conemap__piece_set(e, "FETCH_MAXIMA_NAME", 1, d->fetch_maxima ? d->fetch_maxima : "");
+    conemap__piece_set(e, "FETCH_PARAMS", 0, f[conemap__flag_hardware] ? "float u, float v$SLICE_PARAM" : "int i, int j$SLICE_PARAM");
+    conemap__piece_set(e, "FETCH_COMMENT", 1, cones ? "height, and the cone as stored" : "height");
+    conemap__piece_set(e, "FILTER_COMMENT", 1, f[conemap__flag_hardware] ? "; linear filter" : f[conemap__flag_gather] ? "; gathered" : "; only fetched");
+    out = conemap__piece_new(e, "MAP_COMMENT", 1);
+    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? "r" : d->map.texture.layout == CONEMAP_DUMMER ? "rgba" : "rg");
+    conemap__append(out, size, formats[d->map.texture.format]);
+    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? ", " : ", height and ");
+    conemap__append(out, size, encodings[d->map.texture.encoding]);
+    if (d->map.texture.per_cell) conemap__append(out, size, ", one for each cell");
+    if (d->map.texture.layout == CONEMAP_DUMMER) conemap__append(out, size, ", and slopes, not read here");
+    conemap__append(out, size, f[conemap__flag_hardware] ? "; linear filter" : f[conemap__flag_gather] ? "; gathered" : "; only fetched");
+    out = conemap__piece_new(e, "SAMPLER", 1);
+    if (f[conemap__flag_es]) conemap__append(out, size, d->map.texture.format == CONEMAP_UNORM8 && d->precision == CONEMAP_MEDIUMP ? "mediump " : "highp ");
+    conemap__append(out, size, array ? "sampler2DArray" : "sampler2D");
+    conemap__piece_set(e, "TEXTURE", 1, array ? "Texture2DArray" : "Texture2D");
+    out = conemap__piece_new(e, "MAP_TYPE", 1);
+    if (unorm) conemap__append(out, size, "unorm ");
+    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? "float" : d->map.texture.layout == CONEMAP_DUMMER ? "float4" : "float2");
+    conemap__place_resource(e, "MAP_LAYOUT", 't', binding);
+    binding += f[conemap__flag_uses_map];
+    conemap__place_resource(e, "HEIGHTS_LAYOUT", 't', binding);
+    binding += f[conemap__flag_uses_heights];
+    conemap__place_resource(e, "MAXIMA_LAYOUT", 't', binding);
+    binding += f[conemap__flag_uses_maxima];
+    conemap__place_resource(e, "SAMPLER_LAYOUT", 's', d->sampler_binding);
+    conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
+    conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
+    conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
+    conemap__piece_set(e, "IN_0", 1, f[conemap__flag_located] ? "layout(location = 0) " : "");
+    conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
+    conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
+    conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
+    conemap__piece_set(e, "DEBUG", 0, f[conemap__flag_steps] ? (f[conemap__flag_status] ? "float(hit.steps), float(hit.status), 0.0f, 0.0f"
+                                                                                       : "float(hit.steps), 0.0f, 0.0f, 0.0f")
+                                                             : "0.0f, float(hit.status), 0.0f, 0.0f");
+}
+
+/* The function that was asked for, after all that it needs. */
+static void conemap__write_trace(conemap__emitter *e) {
+    const unsigned char *f = e->flags;
+    const char *parts[3];
+    int k;
+    parts[0] = conemap__trace_head;
+    parts[1] = f[conemap__flag_exact]        ? conemap__loop_exact
+               : f[conemap__flag_linear]     ? conemap__loop_linear
+               : f[conemap__flag_loop]       ? conemap__loop_loop
+               : f[conemap__flag_blocks]     ? conemap__loop_blocks
+                                             : conemap__loop_step;
+    parts[2] = conemap__trace_tail;
+    for (k = 0; k < 6; ++k) conemap__lines(e, parts[k % 3], k < 3);
+    if (e->desc.stage != CONEMAP_STAGE_FUNCTIONS) conemap__put(e, "\n", 1);
+}
+
+/* One pass of the emitter; with text null it only counts. */
+static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size) {
+    conemap__emitter e;
+    conemap_result result;
+    memset(&e, 0, sizeof e);
+    e.desc = *desc;
+    e.text = text;
+    e.capacity = capacity;
+    result = conemap__resolve_shader(&e);
+    if (result != CONEMAP_OK) return result;
+    conemap__make_pieces(&e);
+    conemap__lines(&e, conemap__head_text, 0);
+    if (desc->fetch) {
+        conemap__lines(&e, conemap__host_text, 1); /* C: the types that it is declared with */
+        conemap__lines(&e, conemap__host_text, 0);
+    }
+    conemap__write_trace(&e);
+    if (e.flags[conemap__flag_fragment]) conemap__lines(&e, conemap__fragment_text, 0);
+    if (e.flags[conemap__flag_compute]) conemap__lines(&e, conemap__compute_text, 0);
+    *size = e.size + 1;
+    if (text && e.size < capacity) text[e.size] = 0;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size) {
+    size_t needed = 0;
+    conemap_result result;
+    if (!desc || (!text && !size)) return CONEMAP_ERROR_NULL;
+    result = conemap__emit_once(desc, NULL, 0, &needed);
+    if (result != CONEMAP_OK) return result;
+    if (size) *size = needed;
+    if (!text) return CONEMAP_OK;
+    if (capacity < needed) return CONEMAP_ERROR_BUFFER;
+    return conemap__emit_once(desc, text, capacity, &needed);
+}
+
+/* How many levels a square of 2^n has that holds all cells. */
+static int conemap__maxima_top(const conemap_map *map) {
+    int top = 0;
+    while ((1 << top) < map->cells.width[0] || (1 << top) < map->cells.height[0]) ++top;
+    return top;
+}
+
+CONEMAP__DEF int conemap_maxima_levels(const conemap_map *map) {
+    return map && map->cells.levels > 0 ? conemap__maxima_top(map) + 1 : 0;
+}
+
+CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size) {
+    int side, x, y;
+    if (!map || !map->heights || !values) return CONEMAP_ERROR_NULL;
+    if (map->cells.levels == 0) return CONEMAP_ERROR_NO_PYRAMID;
+    if (level < 0 || level > conemap__maxima_top(map)) return CONEMAP_ERROR_PARAMETER;
+    side = 1 << (conemap__maxima_top(map) - level);
+    if (size / sizeof *values < (size_t)side * (size_t)side) return CONEMAP_ERROR_BUFFER;
+    for (y = 0; y < side; ++y)
+        for (x = 0; x < side; ++x)
+            values[(size_t)y * (size_t)side + (size_t)x] =
+                x >= map->cells.width[level] || y >= map->cells.height[level] ? 0.0f
+                : level == 0 ? conemap__cell_max(map, x, y)
+                             : conemap__block_max(&map->cells, level, x, y);
+    return CONEMAP_OK;
+}
+
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT DEFAULT
 #elif defined(__GNUC__)
@@ -5144,6 +6476,10 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__X86
 #undef CONEMAP__ARM
 #undef CONEMAP__WASM
+#undef CONEMAP__FLAGS
+#undef CONEMAP__PIECE_SIZE
+#undef CONEMAP__PIECES
+#undef CONEMAP__NAME_SIZE
 
 #endif /* CONEMAP_IMPLEMENTATION */
 

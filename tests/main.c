@@ -79,11 +79,21 @@ int main(int argument_count, char **arguments)
         const char *name;
         const struct test_case *cases;
     } areas[] = {
-        {"truth", truth_tests},     {"oracle", oracle_tests},   {"safe", safe_tests},       {"updates", updates_tests}, {"verify", verify_tests}, {"stability", stability_tests},
-              {"formats", formats_tests},
-        {"samples", samples_tests}, {"tracers", tracers_tests}, {"builds", builds_tests},
-        {"inputs", inputs_tests},   {"header", header_tests},   {"directional", directional_tests},
+        {"truth", truth_tests},
+        {"oracle", oracle_tests},
+        {"safe", safe_tests},
+        {"updates", updates_tests},
+        {"verify", verify_tests},
+        {"stability", stability_tests},
+        {"formats", formats_tests},
+        {"samples", samples_tests},
+        {"tracers", tracers_tests},
+        {"builds", builds_tests},
+        {"inputs", inputs_tests},
+        {"header", header_tests},
+        {"directional", directional_tests},
         {"kernels", kernels_tests},
+        {"emit", emit_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;

@@ -1,0 +1,139 @@
+/* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl   (--help lists the options) */
+#define CONEMAP_IMPLEMENTATION
+#include "../conemap.h"
+#include <stdio.h>
+#include <stdlib.h>
+
+static const char *const dialects[] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300", "es310", "hlsl50", "hlsl60", "c99", NULL};
+static const char *const stages[] = {"functions", "fragment", "compute", NULL};
+static const char *const tracers[] = {"default", "exact", "linear", "fixed", "loop", "exact-step", "cell-max", "maxmip", "qdm", NULL};
+static const char *const refinements[] = {"none", "secant", "bisect", NULL};
+static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8", NULL};
+static const char *const encodings[] = {"linear", "sqrt", "radius", NULL};
+static const char *const layouts[] = {"height-cone", "cone-only", "dummer", NULL};
+static const char *const wraps[] = {"clamp", "wrap", "nothing", NULL};
+static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
+static const char *const guarantees[] = {"default", "none", "vertex", "bilinear", "relaxed", "relaxed-bilinear", NULL};
+static const char *const precisions[] = {"highp", "mediump", NULL};
+
+struct option {
+    const char *name;
+    const char *const *words; /* null: a number or a text */
+    int *number;
+    float *real;
+    const char **text;
+    const char *help;
+};
+
+static void help(const struct option *options) {
+    int k, w;
+    printf("emit [options]: prints a shader that traces rays through a cone map\n\n");
+    for (k = 0; options[k].name; ++k) {
+        printf("  %-18s", options[k].name);
+        for (w = 0; options[k].words && options[k].words[w]; ++w) printf("%s%s", w ? " | " : "", options[k].words[w]);
+        printf("%s\n", options[k].help);
+    }
+}
+
+int main(int argument_count, char **arguments) {
+    conemap_shader_desc desc = {0};
+    int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0, wrap_v = 0;
+    int filter = 0, guarantee = 0, precision = 0, k, m;
+    const struct option options[] = {
+        {"--dialect", dialects, &dialect, NULL, NULL, ""},
+        {"--stage", stages, &stage, NULL, NULL, ""},
+        {"--tracer", tracers, &tracer, NULL, NULL, ""},
+        {"--refinement", refinements, &refinement, NULL, NULL, ""},
+        {"--refine-steps", NULL, &desc.trace.refine_steps, NULL, NULL, "halvings of bisect"},
+        {"--max-steps", NULL, &desc.trace.max_steps, NULL, NULL, "a constant step cap"},
+        {"--step-scale", NULL, NULL, &desc.trace.step_scale, NULL, "cone steps times this"},
+        {"--tolerance", NULL, NULL, &desc.trace.tolerance, NULL, "fixed and loop: what counts as converged"},
+        {"--adaptive", NULL, &desc.trace.adaptive_steps, NULL, NULL, "1: loop's steps by the ray's slope"},
+        {"--any-hit", NULL, &desc.trace.any_hit, NULL, NULL, "1: only whether there is a hit"},
+        {"--format", formats, &format, NULL, NULL, ""},
+        {"--encoding", encodings, &encoding, NULL, NULL, ""},
+        {"--layout", layouts, &layout, NULL, NULL, ""},
+        {"--per-cell", NULL, &desc.map.texture.per_cell, NULL, NULL, "1: a cone for each cell"},
+        {"--guarantee", guarantees, &guarantee, NULL, NULL, ""},
+        {"--wrap-u", wraps, &wrap_u, NULL, NULL, ""},
+        {"--wrap-v", wraps, &wrap_v, NULL, NULL, ""},
+        {"--aspect", NULL, NULL, &desc.map.aspect, NULL, "as in the map's desc"},
+        {"--max-tan", NULL, NULL, &desc.map.max_tan, NULL, "as in the map's desc"},
+        {"--width", NULL, &desc.map.width, NULL, NULL, "with --fixed-size"},
+        {"--height", NULL, &desc.map.height, NULL, NULL, "with --fixed-size"},
+        {"--fixed-size", NULL, &desc.fixed_size, NULL, NULL, "1: the size as constants"},
+        {"--filter", filters, &filter, NULL, NULL, ""},
+        {"--steps", NULL, &desc.steps, NULL, NULL, "1: tell the steps"},
+        {"--status", NULL, &desc.status, NULL, NULL, "1: tell how the ray ended"},
+        {"--t-range", NULL, &desc.t_range, NULL, NULL, "1: t_min and t_max are arguments"},
+        {"--run-time-cap", NULL, &desc.run_time_cap, NULL, NULL, "1: the step cap is an argument"},
+        {"--atlas", NULL, &desc.atlas, NULL, NULL, "1: the rectangle in the texture is an argument"},
+        {"--array", NULL, &desc.array, NULL, NULL, "1: the slice of the texture array is an argument"},
+        {"--precision", precisions, &precision, NULL, NULL, ""},
+        {"--external", NULL, &desc.external, NULL, NULL, "1: no declarations of textures"},
+        {"--set", NULL, &desc.set, NULL, NULL, "descriptor set or register space"},
+        {"--binding", NULL, &desc.binding, NULL, NULL, "of the first texture"},
+        {"--sampler-binding", NULL, &desc.sampler_binding, NULL, NULL, "HLSL"},
+        {"--prefix", NULL, NULL, NULL, &desc.prefix, "of all names"},
+        {"--map-name", NULL, NULL, NULL, &desc.map_name, "texture"},
+        {"--heights-name", NULL, NULL, NULL, &desc.heights_name, "texture"},
+        {"--maxima-name", NULL, NULL, NULL, &desc.maxima_name, "texture"},
+        {"--sampler-name", NULL, NULL, NULL, &desc.sampler_name, "HLSL"},
+        {"--fetch", NULL, NULL, NULL, &desc.fetch, "a function of the host that reads texels"},
+        {"--fetch-maxima", NULL, NULL, NULL, &desc.fetch_maxima, "the same for maxima"},
+        {NULL, NULL, NULL, NULL, NULL, NULL},
+    };
+    conemap_result result;
+    size_t size = 0;
+    char *text;
+    for (k = 1; k < argument_count; k += 2) {
+        const struct option *option = options;
+        char *end = NULL;
+        if (strcmp(arguments[k], "--help") == 0) {
+            help(options);
+            return 0;
+        }
+        while (option->name && strcmp(option->name, arguments[k]) != 0) ++option;
+        if (!option->name || k + 1 == argument_count) {
+            fprintf(stderr, "emit: %s: %s (--help lists the options)\n", arguments[k], option->name ? "needs a value" : "unknown");
+            return 1;
+        }
+        if (option->words) {
+            for (m = 0; option->words[m] && strcmp(option->words[m], arguments[k + 1]) != 0;) ++m;
+            *option->number = option->words[m] ? m : -1;
+            end = option->words[m] ? arguments[k + 1] + strlen(arguments[k + 1]) : arguments[k + 1];
+        } else if (option->number) {
+            *option->number = (int)strtol(arguments[k + 1], &end, 10);
+        } else if (option->real) {
+            *option->real = strtof(arguments[k + 1], &end);
+        } else {
+            *option->text = arguments[k + 1];
+        }
+        if (end && (*end || end == arguments[k + 1])) {
+            fprintf(stderr, "emit: %s %s: no such value\n", arguments[k], arguments[k + 1]);
+            return 1;
+        }
+    }
+    desc.dialect = (conemap_dialect)dialect;
+    desc.stage = (conemap_stage)stage;
+    desc.trace.tracer = (conemap_tracer)tracer;
+    desc.trace.refinement = (conemap_refinement)refinement;
+    desc.map.texture.format = (conemap_format)format;
+    desc.map.texture.encoding = (conemap_encoding)encoding;
+    desc.map.texture.layout = (conemap_layout)layout;
+    desc.map.wrap_u = (conemap_wrap)wrap_u;
+    desc.map.wrap_v = (conemap_wrap)wrap_v;
+    desc.map.guarantee = (conemap_guarantee)guarantee;
+    desc.filter = (conemap_filter)filter;
+    desc.precision = (conemap_precision)precision;
+    result = conemap_emit(&desc, NULL, 0, &size);
+    text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
+    if (result == CONEMAP_OK) result = text ? conemap_emit(&desc, text, size, NULL) : CONEMAP_ERROR_MEMORY;
+    if (result != CONEMAP_OK) {
+        fprintf(stderr, "emit: %s\n", conemap_result_string(result));
+        return 1;
+    }
+    fputs(text, stdout);
+    free(text);
+    return 0;
+}

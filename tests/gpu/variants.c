@@ -1,0 +1,230 @@
+/* Writes shaders for the compilers:  variants DIALECT FOLDER [random count]
+   Every value of every option, every pair of two, and a seeded random sample; equal texts once. What the emitter refuses
+   is skipped; the count of each is printed. Functions get what a host adds around them. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CONEMAP_IMPLEMENTATION
+#include "conemap.h"
+#include "../zoo.h"
+
+enum { DIALECT_COUNT = CONEMAP_DIALECT_COUNT };
+static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300", "es310", "hlsl50", "hlsl60", "c99"};
+static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", ""};
+
+static const struct {
+    const char *name;
+    int values;
+} options[] = {
+    {"stage", 3},   {"tracer", 8},   {"refinement", 3}, {"format", 4},    {"encoding", 3}, {"layout", 3},     {"per_cell", 2},
+    {"wrap_u", 3},  {"wrap_v", 3},   {"guarantee", 2},  {"aspect", 2},    {"size", 2},     {"filter", 3},     {"steps", 2},
+    {"status", 2},  {"t_range", 2},  {"cap", 3},        {"atlas", 2},     {"array", 2},    {"precision", 2},  {"external", 2},
+    {"binding", 2}, {"set", 2},      {"names", 2},      {"fetch", 2},     {"any", 2},      {"adaptive", 2},   {"scale", 2},
+    {"bisect", 2},  {"tolerance", 2}, {"max_tan", 2},
+};
+enum { OPTIONS = sizeof options / sizeof options[0] };
+
+static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *choice)
+{
+    int k = 0;
+    memset(d, 0, sizeof *d);
+    d->dialect = dialect;
+    d->stage = (conemap_stage)choice[k++];
+    d->trace.tracer = (conemap_tracer)(choice[k++] + 1);
+    d->trace.refinement = (conemap_refinement)choice[k++];
+    d->map.texture.format = (conemap_format)choice[k++];
+    d->map.texture.encoding = (conemap_encoding)choice[k++];
+    d->map.texture.layout = (conemap_layout)choice[k++];
+    d->map.texture.per_cell = choice[k++];
+    d->map.wrap_u = (conemap_wrap)choice[k++];
+    d->map.wrap_v = (conemap_wrap)choice[k++];
+    d->map.guarantee = choice[k++] ? CONEMAP_GUARANTEE_RELAXED : CONEMAP_GUARANTEE_DEFAULT;
+    d->map.aspect = choice[k++] ? 0.3f : 0.0f;
+    d->fixed_size = choice[k++];
+    if (d->fixed_size) {
+        d->map.width = 200;
+        d->map.height = 100;
+    }
+    d->filter = (conemap_filter)choice[k++];
+    d->steps = choice[k++];
+    d->status = choice[k++];
+    d->t_range = choice[k++];
+    d->run_time_cap = choice[k] == 1;
+    d->trace.max_steps = choice[k++] == 2 ? 77 : 0;
+    d->atlas = choice[k++];
+    d->array = choice[k++];
+    d->precision = (conemap_precision)choice[k++];
+    d->external = choice[k++];
+    d->binding = choice[k++] ? 3 : 0;
+    d->set = choice[k++] ? 2 : 0;
+    if (choice[k++]) {
+        d->prefix = "relief";
+        d->map_name = "bumps";
+        d->heights_name = "ground";
+        d->maxima_name = "tops";
+        d->sampler_name = "plain";
+    }
+    if (choice[k++] || dialect == CONEMAP_C99) {
+        d->fetch = "host_fetch";
+        d->fetch_maxima = "host_maxima";
+    }
+    d->trace.any_hit = choice[k++];
+    d->trace.adaptive_steps = choice[k++];
+    d->trace.step_scale = choice[k++] ? 0.7f : 0.0f;
+    d->trace.refine_steps = choice[k++] ? 3 : 0;
+    d->trace.tolerance = choice[k++] ? 0.001f : 0.0f;
+    d->map.max_tan = choice[k++] ? 2.5f : 0.0f;
+}
+
+static char text[65536], whole[131072];
+static char (*seen)[20];
+static int seen_count, written, refused, equal;
+static const char *folder;
+
+static int known(const char *content)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    char key[20];
+    int k;
+    for (; *content; ++content) hash = (hash ^ (unsigned char)*content) * 0x100000001b3u;
+    sprintf(key, "%016llx", (unsigned long long)hash);
+    for (k = 0; k < seen_count; ++k)
+        if (memcmp(seen[k], key, 16) == 0) return 1;
+    if (seen_count % 1024 == 0) seen = (char(*)[20])realloc(seen, (size_t)(seen_count + 1024) * 20);
+    if (!seen) exit(2);
+    memcpy(seen[seen_count++], key, 20);
+    return 0;
+}
+
+static void put(const char *more) { strcat(whole, more); }
+
+/* What a host writes around functions, and the functions that it was asked for. */
+static void wrap(const conemap_shader_desc *d)
+{
+    const int hlsl = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60, c = d->dialect == CONEMAP_C99;
+    const int heights = d->trace.tracer == CONEMAP_TRACE_LINEAR || d->trace.tracer >= CONEMAP_TRACE_MAXMIP;
+    const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP, functions = d->stage == CONEMAP_STAGE_FUNCTIONS;
+    const int vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN;
+    const char *prefix = d->prefix ? d->prefix : "conemap", *slice = d->array ? ", int slice" : "";
+    char line[600];
+    whole[0] = 0;
+    if (functions && !hlsl && !c) {
+        sprintf(line, "#version %s\n", versions[d->dialect]);
+        put(line);
+    }
+    if (d->external && !c) { /* the host's own declarations */
+        static const char *const given[3] = {"bumps", "ground", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
+        int k;
+        for (k = 0; k < 3; ++k) {
+            const char *name = d->prefix ? given[k] : plain[k];
+            if (hlsl) sprintf(line, "Texture2D%s<%s> %s : register(t%d);\n", d->array ? "Array" : "", k == 0 ? "float4" : "float", name, k + 7);
+            else if (vulkan) sprintf(line, "layout(binding = %d) uniform sampler2D%s %s;\n", k + 7, d->array ? "Array" : "", name);
+            else sprintf(line, "uniform highp sampler2D%s %s;\n", d->array ? "Array" : "", name);
+            put(line);
+        }
+        if (hlsl) {
+            sprintf(line, "SamplerState %s : register(s7);\n", d->prefix ? "plain" : "conemap_sampler");
+            put(line);
+        }
+    }
+    put(text);
+    if (functions) {
+        char call[400];
+        sprintf(call, "%s_%s(%s, %s", prefix, d->trace.any_hit ? "any_hit" : "trace", c ? "o" : hlsl ? "p.xyz" : "host_ray",
+                c ? "d" : hlsl ? "float3(p.yz, -p.w)" : "vec3(host_ray.xy, -1.0)");
+        if (d->t_range) strcat(call, c ? ", 0.1f, 2.0f" : ", 0.1, 2.0");
+        if (d->run_time_cap) strcat(call, ", 50");
+        if (d->atlas) strcat(call, c ? ", r" : hlsl ? ", int4(1, 2, 3, 4)" : ", ivec4(1, 2, 3, 4)");
+        if (d->fetch && !d->fixed_size && !d->atlas) strcat(call, c ? ", s" : hlsl ? ", int2(3, 4)" : ", ivec2(3, 4)");
+        if (d->array) strcat(call, ", 1");
+        strcat(call, ")");
+        if (c)
+            sprintf(line, "bool host(%s_vec3 o, %s_vec3 d%s%s%s);\nbool host(%s_vec3 o, %s_vec3 d%s%s%s) {\n    return %s%s;\n}\n", prefix, prefix,
+                    d->atlas ? ", " : d->fixed_size ? "" : ", ", d->atlas ? prefix : d->fixed_size ? "" : prefix,
+                    d->atlas ? "_ivec4 r" : d->fixed_size ? "" : "_ivec2 s", prefix, prefix, d->atlas ? ", " : d->fixed_size ? "" : ", ",
+                    d->atlas ? prefix : d->fixed_size ? "" : prefix, d->atlas ? "_ivec4 r" : d->fixed_size ? "" : "_ivec2 s", call,
+                    d->trace.any_hit ? "" : ".found");
+        else if (hlsl)
+            sprintf(line, "float4 main(float4 p : TEXCOORD0) : SV_Target {\n    return %s%s ? 1.0 : 0.0;\n}\n", call, d->trace.any_hit ? "" : ".found");
+        else
+            sprintf(line, "%sin vec3 host_ray;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s%s ? 1.0 : 0.0);\n}\n",
+                    vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call, d->trace.any_hit ? "" : ".found");
+        put(line);
+    }
+    if (d->fetch) {
+        const char *two = hlsl ? "float2" : c ? "" : "vec2", *index = d->filter == CONEMAP_FILTER_HARDWARE ? "float i, float j" : "int i, int j";
+        if (c && !heights) sprintf(line, "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)(i + j%s);\n    return v;\n}\n", prefix, index, slice, prefix, d->array ? " + slice" : "");
+        else if (c) sprintf(line, "float host_fetch(%s%s) {\n    return (float)(i + j%s);\n}\n", index, slice, d->array ? " + slice" : "");
+        else if (heights) sprintf(line, "float host_fetch(%s%s) {\n    return 0.01 * float(i + j)%s;\n}\n", index, slice, d->array ? " * float(slice)" : "");
+        else sprintf(line, "%s host_fetch(%s%s) {\n    return %s(0.01 * float(i + j)%s, 0.5);\n}\n", two, index, slice, two, d->array ? " * float(slice)" : "");
+        put(line);
+        if (blocks) {
+            sprintf(line, "float host_maxima(int i, int j, int level%s) {\n    return %s(i + j + level%s);\n}\n", slice, c ? "(float)" : "float", d->array ? " + slice" : "");
+            put(line);
+        }
+    }
+}
+
+static void variant(conemap_dialect dialect, const int *choice)
+{
+    static const char *const kinds[3] = {"functions", "fragment", "compute"};
+    conemap_shader_desc desc;
+    conemap_result result;
+    char path[600];
+    size_t size = 0;
+    FILE *file;
+    fill(&desc, dialect, choice);
+    result = conemap_emit(&desc, text, sizeof text, &size);
+    if (result == CONEMAP_ERROR_UNSUPPORTED) {
+        ++refused;
+        return;
+    }
+    if (result != CONEMAP_OK) {
+        fprintf(stderr, "variants: %s\n", conemap_result_string(result));
+        exit(1);
+    }
+    wrap(&desc);
+    if (known(whole)) {
+        ++equal;
+        return;
+    }
+    sprintf(path, "%s/%05d_%s.%s", folder, written++, kinds[desc.stage],
+            dialect == CONEMAP_C99 ? "c" : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
+            : desc.stage == CONEMAP_STAGE_COMPUTE                                                   ? "comp"
+                                                                                                    : "frag");
+    file = fopen(path, "wb");
+    if (!file || fputs(whole, file) < 0 || fclose(file) != 0) {
+        fprintf(stderr, "variants: %s cannot be written\n", path);
+        exit(1);
+    }
+}
+
+int main(int argument_count, char **arguments)
+{
+    int choice[OPTIONS], dialect = 0, a, b, x, y, k, sample = argument_count > 3 ? atoi(arguments[3]) : 300;
+    struct zoo_random random = zoo_seed(2026);
+    if (argument_count < 3) return 1;
+    while (dialect < DIALECT_COUNT && strcmp(dialects[dialect], arguments[1]) != 0) ++dialect;
+    if (dialect == DIALECT_COUNT) return 1;
+    folder = arguments[2];
+    memset(choice, 0, sizeof choice);
+    variant((conemap_dialect)dialect, choice);
+    for (a = 0; a < OPTIONS; ++a)
+        for (b = a; b < OPTIONS; ++b)
+            for (x = 1; x < options[a].values; ++x)
+                for (y = 1; y < options[b].values; ++y) {
+                    choice[a] = x;
+                    choice[b] = y;
+                    variant((conemap_dialect)dialect, choice);
+                    choice[a] = choice[b] = 0;
+                }
+    for (k = 0; k < sample * 40 && sample > 0; ++k) { /* most of what is drawn is refused */
+        int before = written;
+        for (a = 0; a < OPTIONS; ++a) choice[a] = zoo_below(&random, 3) ? 0 : zoo_below(&random, options[a].values);
+        variant((conemap_dialect)dialect, choice);
+        sample -= written > before;
+    }
+    printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
+    return 0;
+}
