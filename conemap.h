@@ -4267,20 +4267,20 @@ static void conemap__witness(conemap__proof *proof, double u, double v, double d
     proof->slack = CONEMAP__VERIFY_APEX + (1.0 + 1.0 / 64.0) * report->worst + 1.0 / 1048576.0;
 }
 
-/* Does anything on p see anything on q within the sector? Rectangles whose differences only touch the sector can be left:
-   the same points lie in others too, or are the limit of points inside. For the border see conemap__by_border. */
+/* Do differences left..right, up..down from p to q reach into the sector, or with `whole` into its quadrant? Those that
+   only touch it can be left: the same points lie in other rectangles too, or are the limit of points inside. */
+CONEMAP__INLINE int conemap__sees_box(const conemap__proof *proof, double left, double right, double up, double down,
+                                      int whole) {
+    double x = proof->sector.su > 0 ? right : -left, y = proof->sector.sv > 0 ? down : -up;
+    if ((x <= 0.0 && proof->info->width > 1) || (y <= 0.0 && proof->info->height > 1)) return 0;
+    if (proof->sector.major == 0 || whole) return 1;
+    return proof->sector.major == 1 ? x > (proof->sector.sv > 0 ? up : -down) : y > (proof->sector.su > 0 ? left : -right);
+}
+
 CONEMAP__INLINE int conemap__sees_patch(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
-    const conemap_info *info = proof->info;
-    double x, y, near_x, near_y;
-    if (proof->sector.su == 0) return 1;
-    x = proof->sector.su > 0 ? q->x + q->sx - p->x : p->x + p->sx - q->x;
-    y = proof->sector.sv > 0 ? q->y + q->sy - p->y : p->y + p->sy - q->y;
-    if ((x <= 0.0 && info->width > 1) || (y <= 0.0 && info->height > 1)) return 0;
-    if (proof->sector.major == 0) return 1;
-    near_x = proof->sector.su > 0 ? q->x - p->x - p->sx : p->x - q->x - q->sx;
-    near_y = proof->sector.sv > 0 ? q->y - p->y - p->sy : p->y - q->y - q->sy;
-    if (proof->sector.major == 1 ? x > near_y : y > near_x) return 1;
-    return conemap__by_border_pair(proof, p, q);
+    return proof->sector.su == 0 ||
+           conemap__sees_box(proof, q->x - p->x - p->sx, q->x + q->sx - p->x, q->y - p->y - p->sy, q->y + q->sy - p->y,
+                             proof->sector.major != 0 && conemap__by_border_pair(proof, p, q));
 }
 
 /* The same for points of theirs, (dx, dy) texels from p to q, border included. */
@@ -4394,6 +4394,15 @@ static void conemap__prove_period(conemap__proof *proof, const conemap__patch *a
         if ((images_u && conemap__repeats(proof, nu, map->info.width, 1)) ||
             (images_v && conemap__repeats(proof, nv, map->info.height, 2)))
             continue;
+        if (proof->sector.su != 0) {
+            int size = 1 << block.level, x = block.x << block.level, y = block.y << block.level;
+            int whole = proof->sector.major != 0 &&
+                        (conemap__border_cell(proof->info, i, j) ||
+                         conemap__texels_by_border(proof->info, x + 1, x + size - 1, y + 1, y + size - 1));
+            if (!conemap__sees_box(proof, (double)(x0 - i - 1), (double)(x0 + size - i), (double)(y0 - j - 1),
+                                   (double)(y0 + size - j), whole))
+                continue;
+        }
         highest = block.level > 0 ? (double)conemap__block_max(cells, block.level, block.x, block.y)
                                   : (double)conemap__cell_max(map, block.x, block.y);
         reach = (highest - low - proof->slack) * t;
@@ -4485,17 +4494,19 @@ static int conemap__inner_cells(int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP ? size : conemap__maxi(1, size - 1);
 }
 
-/* The steepest ascent of the whole surface. */
+/* The steepest ascent of the whole surface in the directions of the sector's quadrant. */
 static double conemap__steepest_of_all(const conemap__proof *proof, int cells_u, int cells_v) {
     double rise_u = 0.0, rise_v = 0.0;
+    double left = proof->sector.su > 0 ? 0.0 : -1.0, right = proof->sector.su < 0 ? 0.0 : 1.0;
+    double up = proof->sector.sv > 0 ? 0.0 : -1.0, down = proof->sector.sv < 0 ? 0.0 : 1.0;
     int i, j;
     for (j = 0; j < cells_v; ++j)
         for (i = 0; i < cells_u; ++i) {
             conemap__corners c = conemap__gather(proof->map->heights, conemap__cell_quad(proof->map, i, j));
-            double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
-            double left = (double)c.h01 - (double)c.h00, right = (double)c.h11 - (double)c.h10;
-            rise_u = conemap__maxd(rise_u, conemap__ascent(low, high, -1.0, 1.0));
-            rise_v = conemap__maxd(rise_v, conemap__ascent(left, right, -1.0, 1.0));
+            double x0 = (double)c.h10 - (double)c.h00, x1 = (double)c.h11 - (double)c.h01;
+            double y0 = (double)c.h01 - (double)c.h00, y1 = (double)c.h11 - (double)c.h10;
+            rise_u = conemap__maxd(rise_u, conemap__ascent(x0, x1, left, right));
+            rise_v = conemap__maxd(rise_v, conemap__ascent(y0, y1, up, down));
         }
     rise_u = proof->a > 0.0 ? rise_u / proof->a : 0.0;
     rise_v = proof->b > 0.0 ? rise_v / proof->b : 0.0;
@@ -4511,8 +4522,8 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
     void *memory = NULL;
     unsigned char *cursor;
     size_t bytes = 0;
-    double steepest;
-    int owns = 0, cells_u, cells_v, i, j;
+    double steepest[8];
+    int owns = 0, cells_u, cells_v, i, j, k;
     if (!report) return CONEMAP_ERROR_NULL;
     memset(report, 0, sizeof *report);
     if (!info || !heights || !cones) return CONEMAP_ERROR_NULL;
@@ -4550,17 +4561,20 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
     proof.report = report;
     proof.a = info->width > 1 ? 1.0 / (double)info->width : 0.0;
     proof.b = info->height > 1 ? (double)info->aspect / (double)info->height : 0.0;
-    steepest = conemap__steepest_of_all(&proof, cells_u, cells_v);
+    for (k = 0; k < conemap__planes(info); ++k) {
+        proof.sector = conemap__make_sector(info, k);
+        steepest[k] = conemap__steepest_of_all(&proof, cells_u, cells_v);
+    }
     for (j = 0; j < cells_v; ++j)
         for (i = 0; i < cells_u; ++i) {
             conemap__patch patch;
-            int k, found = 0, open = 0;
+            int found = 0, open = 0;
             for (k = 0; k < conemap__planes(info); ++k) {
                 map.cones = cones + (size_t)k * conemap__texels(&map);
                 proof.sector = conemap__make_sector(info, k);
                 conemap__whole_patch(&proof, i, j, 1, &patch);
                 /* (c) for the whole surface; no point of it rises by more than 1. */
-                if (!(conemap__most4(patch.t) * steepest > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)) continue;
+                if (!(conemap__most4(patch.t) * steepest[k] > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)) continue;
                 conemap__prove_cell(&proof, &patch);
                 found |= proof.found;
                 open |= proof.open;
