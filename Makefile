@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench
+EXAMPLES = hello bake render inspect accuracy bench tree
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -30,6 +30,7 @@ help:
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
 	@echo "make all       builds the examples and the tests"
+	@echo "make trees     plants and cacti as relief-mapped frusta; pictures in out/"
 	@echo "make clean     removes build/ and out/"
 
 build out:
@@ -65,7 +66,10 @@ bench: build/bench
 accuracy: build/accuracy | out
 	@./build/accuracy $(MAP)
 
+trees: build/tree | out
+	@./build/tree
+
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo check bench accuracy clean
+.PHONY: all help test demo check bench accuracy trees clean

@@ -705,7 +705,7 @@ static void fit(void)
             conemap_skeleton_free(&skeleton);
         }
     }
-    CHECK(before > 0.01, "minor axes differ without the fit: %g", before);
+    CHECK(before > 0.003, "minor axes differ without the fit: %g", before);
     CHECK(after < 1e-3, "minor axes differ by %g after the fit", after);
     test_note("minor axes differ by %.1f %%, fitted %.4f %%", 100 * before, 100 * after);
 }
