@@ -4743,6 +4743,7 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
 #define CONEMAP__FOLD 0.01        /* boundary lines closer to parallel than so many radians: see conemap__boundary */
 #define CONEMAP__FARTHEST 1e12f   /* a joint's coordinate */
 #define CONEMAP__LEAF 2           /* frusta in a leaf */
+#define CONEMAP__CHAIN 4          /* segments of a chain that are searched for branches nearby */
 
 /* What a segment keeps beside its frustum. */
 typedef struct conemap__bone {
@@ -5745,26 +5746,55 @@ static void conemap__mix_normal(const conemap_skeleton *skeleton, const conemap_
     for (k = 0; k < 3; ++k) sum[k] += weight * smooth[k];
 }
 
-/* Where branches leave a joint, the normals of the surfaces that meet there are mixed. */
+/* The segment of a chain that a point is beside, a few segments up or down from `segment`. */
+static int conemap__beside(const conemap_frustum *frusta, int segment, const double *point) {
+    int step;
+    for (step = 0; step < CONEMAP__CHAIN; ++step) {
+        const conemap_frustum *f = &frusta[segment];
+        double p[3];
+        conemap__to_local(f, point, p);
+        if (p[1] > (double)f->upper[0] * p[0] + (double)f->upper[1] * p[2] + (double)f->upper[2] && f->child >= 0)
+            segment = f->child;
+        else if (p[1] < (double)f->lower[0] * p[0] + (double)f->lower[1] * p[2] + (double)f->lower[2] && f->parent >= 0 &&
+                 !(f->flags & CONEMAP_FRUSTUM_BRANCH))
+            segment = f->parent;
+        else
+            break;
+    }
+    return segment;
+}
+
+/* Mixes in the branches that leave a segment's top, but not `except`. */
+static void conemap__mix_branches(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
+                                  int except, const double *point, double *sum) {
+    const conemap_frustum *frusta = skeleton->frusta;
+    int branch;
+    for (branch = frusta[segment].branch; branch >= 0; branch = frusta[branch].sibling) {
+        int beside = branch != except ? conemap__beside(frusta, branch, point) : -1;
+        if (beside >= 0)
+            conemap__mix_normal(skeleton, desc, beside, point,
+                                (double)skeleton->build.blend * ((double)frusta[branch].r + (double)frusta[branch].t),
+                                beside == branch, sum);
+    }
+}
+
+/* Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the branches that leave the
+   segment's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its other branches. */
 static void conemap__blend_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
                                   const double *point, double *normal) {
-    const conemap_frustum *frusta = skeleton->frusta, *f = &frusta[segment];
-    double blend = (double)skeleton->build.blend;
-    int other;
-    for (other = f->branch; other >= 0; other = frusta[other].sibling)
-        conemap__mix_normal(skeleton, desc, other, point, blend * ((double)frusta[other].r + (double)frusta[other].t), 1, normal);
-    if (f->parent < 0) return;
-    for (other = frusta[f->parent].branch; other >= 0; other = frusta[other].sibling)
-        if (other != segment)
-            conemap__mix_normal(skeleton, desc, other, point, blend * ((double)frusta[other].r + (double)frusta[other].t), 1,
-                                normal);
-    if (f->flags & CONEMAP_FRUSTUM_BRANCH) { /* the parent, or what continues it, on whichever side of their cut */
-        const conemap_frustum *parent = &frusta[f->parent];
-        double p[3];
-        conemap__to_local(parent, point, p);
-        other = p[1] > (double)parent->upper[0] * p[0] + (double)parent->upper[1] * p[2] + (double)parent->upper[2]
-                    ? parent->child : f->parent;
-        conemap__mix_normal(skeleton, desc, other, point, blend * ((double)f->r + (double)f->t), 0, normal);
+    const conemap_frustum *frusta = skeleton->frusta;
+    int at, step;
+    for (at = frusta[segment].child, step = 1; at >= 0 && step < CONEMAP__CHAIN; at = frusta[at].child, ++step)
+        conemap__mix_branches(skeleton, desc, at, -1, point, normal);
+    for (at = segment, step = 0; at >= 0 && step < CONEMAP__CHAIN; at = frusta[at].parent, ++step) {
+        conemap__mix_branches(skeleton, desc, at, -1, point, normal);
+        if (frusta[at].flags & CONEMAP_FRUSTUM_BRANCH) {
+            int parent = frusta[at].parent;
+            conemap__mix_normal(skeleton, desc, conemap__beside(frusta, parent, point), point,
+                                (double)skeleton->build.blend * ((double)frusta[at].r + (double)frusta[at].t), 0, normal);
+            conemap__mix_branches(skeleton, desc, parent, at, point, normal);
+            break;
+        }
     }
 }
 
@@ -5910,6 +5940,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
 #undef CONEMAP__FOLD
 #undef CONEMAP__FARTHEST
 #undef CONEMAP__LEAF
+#undef CONEMAP__CHAIN
 
 #endif /* CONEMAP_IMPLEMENTATION */
 

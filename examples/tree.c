@@ -430,9 +430,9 @@ static float relief_height(enum relief relief, int i, int j) {
         y = wave(12 * u) > 0.85f && wave(6 * v) > 0.8f ? 0.25f : 0;
         return x + y * noise(i, j, 64, 3);
     case BARK: /* furrows along the trunk */
-        x = fabsf(2 * noise(i, j / 4 * 1, 16, 1) - 1);
-        y = fabsf(2 * noise(i, j, 8, 2) - 1);
-        return 1 - 0.55f * expf(-6 * x) - 0.3f * expf(-6 * y) - 0.15f * noise(i, j, 64, 4);
+        x = fabsf(2 * noise(4 * i % SIDE, j, 4, 1) - 1) + 0.3f * noise(i, j, 16, 2);
+        y = fabsf(2 * noise(3 * i % SIDE, j, 8, 2) - 1) + 0.3f * noise(i, j, 32, 3);
+        return 1 - 0.55f * expf(-5 * x) - 0.3f * expf(-6 * y) - 0.15f * noise(i, j, 64, 4);
     case RINGS: /* what fallen fronds leave */
         x = v * 6 + 0.15f * wave(2 * u);
         x -= floorf(x);
