@@ -694,9 +694,10 @@ typedef struct conemap_skeleton {
 } conemap_skeleton;
 
 typedef enum conemap_march { /* how a ray goes through the shell */
-    CONEMAP_MARCH_STEPS = 0, /* equal steps, then bisection, as the paper */
+    CONEMAP_MARCH_DEFAULT = 0, /* CONES, or STEPS with linear_v or over relaxed cones */
+    CONEMAP_MARCH_STEPS,     /* equal steps, then bisection, as the paper */
     CONEMAP_MARCH_CONES,     /* cone steps over the map's cones, never shorter than an equal step: with the bilinear
-                                guarantee a cone step passes over nothing */
+                                guarantee a cone step passes over nothing, and what may be missed is what an equal step misses */
     CONEMAP_MARCH_COUNT
 } conemap_march;
 
@@ -704,10 +705,10 @@ typedef struct conemap_skeleton_trace_desc {
     const conemap_map *map; /* the relief, wrapping in u, wrapping or clamped in v; null: plain frusta */
     float height;           /* without a map: the plain surface's height in the shell, 0..1; 0: the inner frustum */
     conemap_march march;    /* CONEMAP_MARCH_CONES: not with relaxed cones */
-    int steps;              /* equal steps from shell entry to shell exit; 0: 64. Up to 2^20 */
+    int steps;              /* equal steps from shell entry to shell exit; 0: 64 with STEPS, 256 with CONES. Up to 2^20 */
     int refine_steps;       /* halvings of the last step; 0: 10. Up to 64 */
     int linear_v;           /* nonzero: v is interpolated from shell entry to exit as the paper does, in one more piece for
-                               every 45 degrees between the cutting planes; CONEMAP_MARCH_STEPS only. 0: exact */
+                               every 45 degrees between the cutting planes; not with CONEMAP_MARCH_CONES. 0: exact */
     int any_hit;            /* nonzero: stop at any hit, for shadows: of the hit only status, segment and t are told */
 } conemap_skeleton_trace_desc;
 
@@ -4389,18 +4390,17 @@ static void conemap__gradient_to_world(const conemap_frustum *f, const double *n
         out[k] = (double)f->axis_x[k] * n[0] + (double)f->axis_y[k] * n[1] + (double)f->axis_z[k] * n[2];
 }
 
-/* A point of the frustum's frame in the world; the rows are at right angles, of any length. */
-static void conemap__point_to_world(const conemap_frustum *f, const double *p, double *out) {
-    const float *rows[3];
+CONEMAP__INLINE double conemap__origin(const conemap_frustum *f, int k) {
+    return (double)(k == 0 ? f->axis_x : k == 1 ? f->axis_y : f->axis_z)[3];
+}
+
+/* What one step along each axis of the frame is in the world; the rows are at right angles, of any length. */
+static void conemap__axes(const conemap_frustum *f, double axes[3][3]) {
     int k, r;
-    rows[0] = f->axis_x;
-    rows[1] = f->axis_y;
-    rows[2] = f->axis_z;
-    for (k = 0; k < 3; ++k) out[k] = (double)rows[k][3];
     for (r = 0; r < 3; ++r) {
-        double length2 = (double)rows[r][0] * (double)rows[r][0] + (double)rows[r][1] * (double)rows[r][1] +
-                         (double)rows[r][2] * (double)rows[r][2];
-        for (k = 0; k < 3; ++k) out[k] += (double)rows[r][k] * (p[r] / length2);
+        const float *row = r == 0 ? f->axis_x : r == 1 ? f->axis_y : f->axis_z;
+        double x = (double)row[0], y = (double)row[1], z = (double)row[2], by = 1.0 / (x * x + y * y + z * z);
+        for (k = 0; k < 3; ++k) axes[r][k] = by * (double)row[k];
     }
 }
 
@@ -4614,14 +4614,15 @@ static double conemap__corner_y(const float *plane, conemap__cone cone, int i) {
    bound that hull. Rounding to floats can take away about 2^-22 of the coordinates. */
 static void conemap__corners_of(const conemap_frustum *f, double corners[8][3]) {
     conemap__cone outer = conemap__cone_at(f, 1.0);
-    int i;
+    double axes[3][3];
+    int i, k;
+    conemap__axes(f, axes);
     for (i = 0; i < 8; ++i) {
-        double y = conemap__corner_y(i < 4 ? f->lower : f->upper, outer, i & 3), rho = outer.r + outer.k * y, p[3];
-        if (rho < 0.0) rho = 0.0;
-        p[0] = (i & 3) == 1 || (i & 3) == 2 ? rho : -rho;
-        p[1] = y;
-        p[2] = (i & 3) >= 2 ? rho : -rho;
-        conemap__point_to_world(f, p, corners[i]);
+        double y = conemap__corner_y(i < 4 ? f->lower : f->upper, outer, i & 3), rho = outer.r + outer.k * y;
+        double x = (i & 3) == 1 || (i & 3) == 2 ? rho : -rho, z = (i & 3) >= 2 ? rho : -rho;
+        if (rho < 0.0) x = z = 0.0;
+        for (k = 0; k < 3; ++k)
+            corners[i][k] = conemap__origin(f, k) + x * axes[0][k] + y * axes[1][k] + z * axes[2][k];
     }
 }
 
@@ -4660,7 +4661,7 @@ CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, 
 
 CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3], float point[3]) {
     conemap__cone cone;
-    double sine, cosine, low, high, y, rho, p[3], world[3];
+    double sine, cosine, low, high, y, rho, p[3], axes[3][3];
     int k;
     if (!frustum || !uvw || !point) return CONEMAP_ERROR_NULL;
     for (k = 0; k < 3; ++k)
@@ -4678,8 +4679,9 @@ CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum
     p[0] = rho * sine;
     p[1] = y;
     p[2] = rho * cosine;
-    conemap__point_to_world(frustum, p, world);
-    for (k = 0; k < 3; ++k) point[k] = (float)world[k];
+    conemap__axes(frustum, axes);
+    for (k = 0; k < 3; ++k)
+        point[k] = (float)(conemap__origin(frustum, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k]);
     return CONEMAP_OK;
 }
 
@@ -4983,16 +4985,17 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     conemap__tilt(f, limb, 1.0);
     f->t = (float)t;
     f->tk = (float)tk;
-    if (t + limb->t_top > 0.0) { /* past a joint that has no shell the thickness would be negative: it ends at the cut */
-        double low = conemap__reach(f->lower, conemap__cone_at(f, 0.0), 0);
-        double high = conemap__reach(f->upper, conemap__cone_at(f, 0.0), 1);
-        if (t + tk * low < 0.0 && low < limb->h) {
-            tk = limb->t_top / (limb->h - low);
-            t = -tk * low;
-        } else if (t + tk * high < 0.0 && high > 0.0)
-            tk = -t / high;
-        f->t = (float)t;
-        f->tk = (float)tk;
+    if (tk < 0.0 || tk > 0.0) { /* past a joint of little shell the thickness would be negative: it ends at the cut instead */
+        double y = conemap__reach(tk < 0.0 ? f->upper : f->lower, conemap__cone_at(f, 0.0), tk < 0.0);
+        if (t + tk * y < 0.0) {
+            if (tk < 0.0) tk = -t / y;
+            else {
+                tk = limb->t_top / (limb->h - y);
+                t = -tk * y;
+            }
+            f->t = (float)t;
+            f->tk = (float)tk;
+        }
     }
     if (!conemap__apart(f)) { /* halve towards the tilt at which the planes just stay apart; upright they do */
         double good = 0.0, bad = 1.0;
@@ -5136,7 +5139,6 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
     clamped += (conemap__settle(skeleton, &limbs[(skeleton->count - 1) & 1]) &
                 (CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER)) != 0;
     skeleton->clamped = clamped;
-    conemap__refit(skeleton);
 }
 
 /* ---- building --------------------------------------------------------------------------------------- */
@@ -5369,7 +5371,7 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     if (result == CONEMAP_OK) result = conemap__order_segments(skeleton, desc->joints);
     if (result == CONEMAP_OK) result = conemap__rest(desc, skeleton);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, desc->joints); /* there is no tree to fit yet */
+    conemap__skin(skeleton, desc->joints);
     conemap__plant(skeleton);
     conemap__refit(skeleton);
     return CONEMAP_OK;
@@ -5841,6 +5843,7 @@ static void conemap__put_surface(const conemap_skeleton *skeleton, const conemap
 /* Checks trace settings and writes their defaults out. */
 static conemap_result conemap__resolve_skeleton_trace(conemap_skeleton_trace_desc *desc) {
     const conemap_map *map = desc->map;
+    int by_steps;
     if (!CONEMAP__KNOWN(desc->march, CONEMAP_MARCH_COUNT)) return CONEMAP_ERROR_ENUM;
     if (!conemap__in_range(desc->height, 0.0f, 1.0f) || desc->steps < 0 || desc->steps > (1 << 20) ||
         desc->refine_steps < 0 || desc->refine_steps > 64)
@@ -5848,11 +5851,11 @@ static conemap_result conemap__resolve_skeleton_trace(conemap_skeleton_trace_des
     if (map && (!map->heights || !map->cones)) return CONEMAP_ERROR_NULL;
     if (map && (map->info.wrap_u != CONEMAP_WRAP || (map->info.wrap_v == CONEMAP_NOTHING && map->info.height > 1)))
         return CONEMAP_ERROR_UNSUPPORTED;
-    if (map && desc->march == CONEMAP_MARCH_CONES &&
-        (desc->linear_v || map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
-         map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR))
-        return CONEMAP_ERROR_UNSUPPORTED;
-    if (desc->steps == 0) desc->steps = 64;
+    by_steps = desc->linear_v || (map && (map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
+                                          map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR));
+    if (by_steps && desc->march == CONEMAP_MARCH_CONES) return CONEMAP_ERROR_UNSUPPORTED;
+    if (desc->march == CONEMAP_MARCH_DEFAULT) desc->march = by_steps ? CONEMAP_MARCH_STEPS : CONEMAP_MARCH_CONES;
+    if (desc->steps == 0) desc->steps = desc->march == CONEMAP_MARCH_CONES ? 256 : 64;
     if (desc->refine_steps == 0) desc->refine_steps = 10;
     return CONEMAP_OK;
 }

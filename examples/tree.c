@@ -664,8 +664,8 @@ static void print_help(void) {
            "  --samples N    squared: rays a pixel (2)\n"
            "  --relief-only  not the pictures without relief\n"
            "  --frames N     of the cacti's dance (4)\n"
-           "  --march NAME   steps or cones (steps)\n"
-           "  --steps N      through the shell (64)\n"
+           "  --march NAME   steps or cones (cones)\n"
+           "  --steps N      through the shell (64, cones 256)\n"
            "  -o FOLDER      where the pictures go (out)\n");
 }
 

@@ -863,6 +863,7 @@ static void relief_by_steps(void)
     conemap_skeleton_trace_desc desc;
     struct relief_counts fine, coarse;
     memset(&desc, 0, sizeof desc);
+    desc.march = CONEMAP_MARCH_STEPS;
     desc.steps = 1500;
     relief_rays(&desc, 10, 60, 500, 2e-3, &fine);
     CHECK(fine.hits > fine.rays / 4, "%d of %d hit", fine.hits, fine.rays);
@@ -913,6 +914,7 @@ static void linear_v(void)
             conemap_ray ray;
             memset(&desc, 0, sizeof desc);
             desc.map = &map;
+            desc.march = CONEMAP_MARCH_STEPS;
             ray = ray_at(&skeleton.frusta[1], zoo_unit(&random), zoo_unit(&random), 1.0f);
             for (k = 0; k < 3; ++k) ray.direction[k] += spread(&random, 0.2f);
             REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &exact, 1) == CONEMAP_OK, "trace");
