@@ -212,7 +212,8 @@ static void check_span(const conemap_frustum *f, float height, const conemap_ray
         size += fabs(line.o[k] - (double)(k == 0 ? f->axis_x : k == 1 ? f->axis_y : f->axis_z)[3]);
     }
     length = sqrt(dot(line.v, line.v));
-    reach = (size + 3.0 * (double)f->h + 20.0 * fabs((double)f->r) + 20.0 * fabs((double)f->t)) / length;
+    reach = (size + 3.0 * (double)f->h + 20.0 * (fabs((double)f->r) + fabs((double)f->t)) +
+             20.0 * (double)f->h * (fabs((double)f->k) + fabs((double)f->tk))) / length;
     a = 0;
     b = reach;
     middle = lowest(f, (double)height, &line, a, b);
@@ -615,11 +616,10 @@ static void equations_of_the_frustum(void)
         REQUIRE(conemap_frustum_span(f, 0.0f, &ray, span) == CONEMAP_OK, "span");
         ++tried;
         if (span[0] <= span[1]) {
-            conemap_skeleton one = skeleton;
             conemap_skeleton_hit hit;
             const double t = (-b - sqrt(b * b - 4 * a * c)) / (2 * a);
             double nl[3], nu[3], n[3];
-            REQUIRE(conemap_skeleton_trace(&one, NULL, &ray, &hit, 1) == CONEMAP_OK, "trace");
+            REQUIRE(conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) == CONEMAP_OK, "trace");
             if (hit.segment != 1 || hit.cap) {
                 conemap_skeleton_free(&skeleton);
                 continue;
@@ -803,7 +803,6 @@ static void relief_rays(const conemap_skeleton_trace_desc *trace, int rounds, in
             const conemap_frustum *f = &skeleton.frusta[segment];
             conemap_ray ray;
             conemap_skeleton_hit hit;
-            conemap_skeleton one = skeleton;
             struct line line;
             float uvw[3], p[3], q[3], outer[2], inner[2];
             double end, first;
@@ -832,8 +831,6 @@ static void relief_rays(const conemap_skeleton_trace_desc *trace, int rounds, in
             ray.t_min = outer[0];
             ray.t_max = (float)end;
             if (!(ray.t_max > ray.t_min)) continue;
-            one.build.tree = NULL;
-            (void)one;
             REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) == CONEMAP_OK, "trace");
             counts->steps += hit.steps;
             first = dense_march(f, &truth, &line, (double)outer[0], end, samples, deep);
