@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench
+EXAMPLES = hello bake render inspect accuracy bench tree
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -31,6 +31,7 @@ help:
 	@echo "make accuracy  what accuracy costs in time"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
 	@echo "make all       builds the examples and the tests"
+	@echo "make trees     plants and cacti as relief-mapped frusta; pictures in out/"
 	@echo "make clean     removes build/ and out/"
 
 build out:
@@ -42,7 +43,7 @@ build/hello: examples/hello.c conemap.h | build
 build/stb_image_impl.o: examples/stb_image_impl.c | build
 	$(CC) -w $(CFLAGS) -DHAVE_STB_IMAGE -c examples/stb_image_impl.c -o $@
 
-$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h tests/truth.h conemap.h $(STB_OBJ) | build
+$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h examples/bench_frusta.h tests/truth.h conemap.h $(STB_OBJ) | build
 	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
 
 build/%.o: tests/%.c $(wildcard tests/*.h) conemap.h | build
@@ -76,7 +77,10 @@ bench: build/bench
 accuracy: build/accuracy | out
 	@./build/accuracy $(MAP)
 
+trees: build/tree | out
+	@./build/tree
+
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy clean
+.PHONY: all help test demo threads check bench accuracy clean trees

@@ -37,6 +37,7 @@
        V E R I F Y I N G           proof that interpolated cones are empty
        T R A C I N G               rays against the relief
        S H A D E R S               the tracers as GLSL, HLSL and C
+       F R U S T A                 skeletons skinned with relief-mapped conical frusta
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
@@ -50,6 +51,8 @@
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        T R A C E R S               the walk through cells, every tracer, refinement
        E M I T T E R               shaders from snippets
+       F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
+       F R U S T A                 skinning, the relief's shell, a tree of boxes
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -64,6 +67,7 @@
        [PO07]   F. Policarpo and M. Oliveira, Relaxed Cone Stepping for Relief Mapping, GPU Gems 3, 2007
        [HSST08] A. Halli et al., Per-Pixel Displacement Mapping Using Cone Tracing, 2008
        [TIS08]  A. Tevs et al., Maximum Mipmaps for Dynamic Height Field Rendering, I3D 2008
+       [BJCW09] D. Bhagvat et al., GPU Rendering of Relief Mapped Conical Frusta, Computer Graphics Forum 28, 2009
        [CHRS17] A. O. Chahdi et al., Per-pixel Displacement Mapping Using Hybrid Cone Approach, 2017
        [Dro18]  M. Drobot, Quadtree Displacement Mapping with Height Blending, GPU Pro 360, 2018
        [VB22]   G. Valasek and R. Ban, Quick Cone Map Generation on the GPU, Eurographics 2022
@@ -160,7 +164,12 @@ extern "C" {
     X(CONEMAP_ERROR_FILE_VERSION, "the baked bytes have an unknown version")                               \
     X(CONEMAP_ERROR_FILE_TRUNCATED, "the baked bytes end too early")                                       \
     X(CONEMAP_ERROR_FILE_CORRUPT, "the baked bytes contradict themselves")                                 \
-    X(CONEMAP_ERROR_HASH, "the heights are not those that the baked cones were built from")
+    X(CONEMAP_ERROR_HASH, "the heights are not those that the baked cones were built from")                \
+    X(CONEMAP_ERROR_JOINT, "a joint is NaN or infinite, or a segment names one that does not exist")       \
+    X(CONEMAP_ERROR_RADIUS, "a radius or thickness is negative, or a segment has none at either end")      \
+    X(CONEMAP_ERROR_LENGTH, "a segment is too short for its radius, or for its distance from the origin")  \
+    X(CONEMAP_ERROR_PARENT, "a segment's parent does not exist or does not end where the segment begins")  \
+    X(CONEMAP_ERROR_CYCLE, "segments are their own ancestors")
 
 #define CONEMAP__ENUM_ITEM(name, text) name,
 typedef enum conemap_result { CONEMAP_RESULTS(CONEMAP__ENUM_ITEM) CONEMAP_RESULT_COUNT } conemap_result;
@@ -739,6 +748,209 @@ CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *t
    NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
+
+/* ======================================================================================================
+   F R U S T A
+
+   Skeletons skinned with relief-mapped conical frusta [BJCW09]: trees, cacti, columns, tentacles. Joints and the
+   segments between them go in; for each segment a frustum comes out that is cut obliquely so that neighbours meet, with
+   texture coordinates and normals that go on across joints, packed for a GPU buffer and ready to ray-cast here. Joints
+   may move every frame: conemap_skeleton_update allocates nothing.
+
+   A frustum's own frame has its origin in the base joint and y along the axis, up to the top joint at y = h. Its inner
+   surface, where the relief has height 0, is
+       x^2 + z^2 = (r + k y)^2,  r + k y >= 0
+   with k = (r_top - r) / h: the quadric of [BJCW09 eq. 1] without its apex, so a cylinder (k = 0) is nothing special,
+   and without the mirrored nappe. The shell above it is t + tk y thick; at relative height w of 0..1 it holds the cone
+   of radius r + w t + (k + w tk) y. The cutting planes are y = a x + b z + c, so one that is parallel to the axis
+   cannot be said; limits on the slope keep it far from that.
+
+   u is the angle around the axis in turns, 0 towards z and 1/4 towards x; v goes from 0 at the lower cut to 1 at the upper
+   one along the straight line through the point on its own cone [BJCW09 eq. 7]. The map is sampled at
+   ((u + v twist) u_repeat, v_start + v v_size): it must wrap in u, and may wrap or clamp in v.
+
+   Every frustum is a solid, closed by its cutting planes, and the skeleton is their union, so nothing is ever seen
+   through a joint. Where a segment ends freely that plane is a cap. Of the segments that leave a joint the thickest (among equals
+   the straightest, then the first) continues its parent: both are cut by one plane, the medial plane construction of
+   [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend` can mix with the
+   parent's. Both choices are made once, from the joints as built, and stay.
+   ====================================================================================================== */
+
+typedef struct conemap_joint {
+    float position[3];      /* in the world's units; up to 1e12 */
+    float radius;           /* of the inner frustum, where relief height is 0. 0 or more: 0 is a point */
+    float thickness;        /* of the shell: what relief height 1 adds to the radius. 0 or more: 0 is no relief */
+} conemap_joint;
+
+typedef struct conemap_segment {
+    int base, top;          /* the joints it joins */
+    int parent;             /* the segment whose top joint is this one's base; below 0: none, a root */
+    int u_repeat;           /* how often the map goes around; 0: 1. Up to 4096. Equal along a chain, or u jumps */
+    float twist;            /* turns of the texture from base to top. -1024..1024 */
+    float radius;           /* at the base, for a branch thinner than its joint; 0: the joint's. The thickness shrinks
+                               as the radius does */
+    float v_size;           /* of the map along the segment; 0: see v_per_length of the desc */
+    int user;               /* handed through to conemap_frustum: a material */
+} conemap_segment;
+
+enum { /* conemap_frustum.flags */
+    CONEMAP_FRUSTUM_ROOT = 1,    /* the base ends freely */
+    CONEMAP_FRUSTUM_BRANCH = 2,  /* the base lies inside the parent, uncut */
+    CONEMAP_FRUSTUM_TIP = 4,     /* the top ends freely */
+    CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend is */
+    CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* too sharp or the two planes would meet inside: that joint may show a notch */
+    CONEMAP_FRUSTUM_C1 = 32      /* conemap_skeleton_desc.c1_normals */
+};
+
+/* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point goes
+   into the frustum's frame as (dot(axis_x, p - o), dot(axis_y, p - o), dot(axis_z, p - o)) with the origin
+   o = (axis_x[3], axis_y[3], axis_z[3]). Nothing that reads a frustum relies on the rows' length: they may be scaled for
+   elliptical cross-sections, though conemap_skeleton_build makes round ones only. */
+typedef struct conemap_frustum {
+    float axis_x[4];        /* unit x axis; origin's x */
+    float axis_y[4];        /* unit y axis; origin's y */
+    float axis_z[4];        /* unit z axis; origin's z */
+    float lower[4];         /* a, b, c of the lower cutting plane y = a x + b z + c; slope of the normal there */
+    float upper[4];         /* the same of the upper plane */
+    float r, k;             /* inner radius at y = 0, and what it grows by per y */
+    float t, tk;            /* thickness of the shell at y = 0, and what it grows by per y */
+    float h;                /* length of the axis */
+    float v_start, v_size;  /* the map's v at the lower cut, and from there to the upper one */
+    float twist;            /* turns from the lower cut to the upper one */
+    int32_t parent, child;  /* segments before and after it; negative: none. child is the one that continues it */
+    int32_t branch, sibling;/* the first branch that leaves its top; the next branch that leaves its base */
+    int32_t flags;          /* CONEMAP_FRUSTUM_... */
+    int32_t u_repeat;
+    int32_t user;
+    int32_t reserved;       /* 0 */
+} conemap_frustum;
+
+/* A skeleton and how to skin it. */
+typedef struct conemap_skeleton_desc {
+    const conemap_joint *joints;     /* read during the call */
+    int joint_count;
+    const conemap_segment *segments; /* read during the call; parents may come in any order */
+    int segment_count;      /* 1 or more */
+    int fit_steps;          /* rounds of [BJCW09 section 2.2]'s fit, which changes a segment's base radius until the minor
+                               axes of the two cuts agree; 0: none. Up to 64 */
+    float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
+                               0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
+    int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones that
+                               meet, which is C0 as well and nearer to the surface (domes, tips) */
+    int c1_normals;         /* nonzero: end normals are mixed by v^2 (3 - 2 v) instead of v, so that normals are C1 across
+                               joints as functions of (u, v); they change faster mid-segment */
+    float blend;            /* how far from a branch's foot its normals and its parent's mix, in radii of its base; 0: not
+                               at all, a crease. Up to 16 */
+    conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
+    void *memory;           /* caller-owned memory for the skeleton; null: allocate. Must outlive the skeleton */
+    size_t memory_size;     /* at least what conemap_skeleton_memory says */
+} conemap_skeleton_desc;
+
+/* A skinned skeleton. Read-only for the caller; free it with conemap_skeleton_free. May be copied or moved: free one
+   copy only. */
+typedef struct conemap_skeleton {
+    const conemap_frustum *frusta; /* one a segment, in the caller's order: count * sizeof(conemap_frustum) bytes to
+                                      upload */
+    int count;
+    int clamped;            /* frusta with a CONEMAP_FRUSTUM_CLAMPED_... flag, as of the last update */
+    float low[3], high[3];  /* a box around all shells */
+    size_t memory_size;     /* bytes held */
+    struct {                /* private */
+        void *memory;
+        int owns_memory;
+        conemap_allocator allocator;
+        int joint_count, fit_steps, slope_normals, nodes;
+        float blend;
+        conemap_frustum *frusta;
+        struct conemap__bone *bones;
+        struct conemap__node *tree;
+        int *order;         /* segments chain by chain, parents first */
+        int *leaves;        /* segments as the tree's leaves name them */
+        float (*boxes)[6];
+    } build;
+} conemap_skeleton;
+
+typedef enum conemap_march { /* how a ray goes through the shell */
+    CONEMAP_MARCH_DEFAULT = 0, /* CONES, or STEPS with linear_v or over relaxed cones */
+    CONEMAP_MARCH_STEPS,     /* equal steps, then bisection, as the paper */
+    CONEMAP_MARCH_CONES,     /* cone steps over the map's cones, never shorter than an equal step: with the bilinear
+                                guarantee a cone step passes over nothing, and what may be missed is what an equal step misses */
+    CONEMAP_MARCH_COUNT
+} conemap_march;
+
+typedef struct conemap_skeleton_trace_desc {
+    const conemap_map *map; /* the relief, wrapping in u, wrapping or clamped in v; null: plain frusta */
+    float height;           /* without a map: the plain surface's height in the shell, 0..1; 0: the inner frustum */
+    conemap_march march;    /* CONEMAP_MARCH_CONES: not with relaxed cones */
+    int steps;              /* equal steps from shell entry to shell exit; 0: 64 with STEPS, 256 with CONES. Up to 2^20 */
+    int refine_steps;       /* halvings of the last step; 0: 10. Up to 64 */
+    int linear_v;           /* nonzero: v is interpolated from shell entry to exit as the paper does, in one more piece for
+                               every 45 degrees between the cutting planes; not with CONEMAP_MARCH_CONES. 0: exact */
+    int any_hit;            /* nonzero: stop at any hit, for shadows: of the hit only status, segment and t are told */
+} conemap_skeleton_trace_desc;
+
+typedef struct conemap_skeleton_hit {
+    conemap_status status;  /* HIT; LEFT: met nothing; T_MAX: met nothing before t_max; INVALID */
+    int inside;             /* nonzero: the ray began inside; t is then t_min */
+    int segment;            /* that was hit; -1: none */
+    int cap;                /* nonzero: the flat end of a segment: 1 lower, 2 upper */
+    float t;                /* along the ray, in lengths of its direction */
+    float position[3];
+    float u, v, w;          /* of the frustum; v 0..1, w the height in the shell */
+    float map_u, map_v;     /* of the map: u with the twist, neither wrapped */
+    float normal[3];        /* unit, for shading: continuous across joints, with the relief's slope */
+    float true_normal[3];   /* unit, of the surface as it was traced */
+    int steps;              /* samples of the relief along the whole ray */
+} conemap_skeleton_hit;
+
+/* The bytes that conemap_skeleton_build needs. Checks the counts only. Errors: NULL, SIZE (a count below 1 or above 2^28),
+   OVERFLOW. */
+CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size);
+
+/* Skins a skeleton. skeleton: overwritten, whatever it held; zeroed unless OK.
+   Errors: NULL, SIZE, OVERFLOW, PARAMETER (a field of desc or of a segment out of range, a position beyond 1e12), JOINT (a joint's
+   position, radius or thickness is NaN or infinite, or a segment's joint does not exist), RADIUS (negative, or zero at both
+   ends of a segment without shell), LENGTH (a segment shorter than 1e-6 of its greatest radius or of its distance from
+   the world's origin), PARENT (it does not exist, or does not end where the segment begins), CYCLE, MEMORY, BUFFER, ALIGNMENT.
+   Thread-safe for different skeletons. Source: [BJCW09 section 2]. */
+CONEMAP_API conemap_result conemap_skeleton_build(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton);
+
+/* The same skeleton with its joints moved: frusta, bounds and box are brought up to date. Allocates nothing, in time
+   proportional to the segments. joints: as many as it was built with. v_start and v_size stay as built, so that textures do not
+   swim along stretching segments; u is carried along with the least rotation from the root outward.
+   Errors: NULL, PARAMETER, JOINT, RADIUS, LENGTH; the skeleton is then as it was. Nothing else may use it meanwhile. */
+CONEMAP_API conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, const conemap_joint *joints);
+
+/* Releases what the skeleton owns and zeroes it. Null and zeroed skeletons are fine. Caller-owned memory stays. */
+CONEMAP_API void conemap_skeleton_free(conemap_skeleton *skeleton);
+
+/* The bounding pyramidal frustum of the whole shell [BJCW09 section 2.6], to rasterise: eight corners, the lower four
+   first, each four in the order (-,-) (+,-) (+,+) (-,+) of x and z. The proof that it holds the shell is in the implementation.
+   conemap_frustum_triangles: twelve triangles of corners, counter-clockwise seen from outside where axis_x, axis_y and axis_z
+   are right-handed, as conemap_skeleton_build makes them. Errors: NULL. */
+CONEMAP_API conemap_result conemap_frustum_corners(const conemap_frustum *frustum, float corners[8][3]);
+CONEMAP_API const unsigned char *conemap_frustum_triangles(void); /* 36 indices */
+
+/* (u, v, w) of a point of the world in a frustum's parametrisation, u in 0..1, v and w unclamped; without a shell w is
+   the distance from the surface. And back: the point at (u, v, w), u of any size; v and w far outside 0..1 may have none
+   and give PARAMETER, as do NaN and infinities. On the axis u is 0. Errors: NULL, POSITION (a coordinate is NaN or infinite), PARAMETER. */
+CONEMAP_API conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, const float point[3], float uvw[3]);
+CONEMAP_API conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3], float point[3]);
+
+/* Where a ray is inside a frustum whose surface stands at a height of 0..1 in its shell, cutting planes included:
+   enters at span[0], leaves at span[1], both within the ray's t_min and t_max (span[1] infinite where a ray never leaves);
+   span[0] > span[1]: nowhere. Errors: NULL, PARAMETER (height), those of a ray. */
+CONEMAP_API conemap_result conemap_frustum_span(const conemap_frustum *frustum, float height, const conemap_ray *ray,
+                                                float span[2]);
+
+/* Traces `count` rays of the world against a skeleton; hits[k] answers rays[k]. desc: null for plain inner frusta.
+   An invalid ray gets CONEMAP_INVALID and the others are still traced; the result is that of the first such ray. With an
+   invalid desc, a null pointer or a negative count nothing is written. Errors: NULL, PARAMETER, ENUM, UNSUPPORTED (a map
+   that does not wrap in u or ends with NOTHING in v; cone steps over relaxed cones or with linear_v), those of rays.
+   Any number of threads may trace one skeleton. Source: [BJCW09 sections 2.5 and 3]. */
+CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
+                                                  const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
+                                                  conemap_skeleton_hit *hits, int count);
 
 #ifdef __cplusplus
 }
@@ -4030,6 +4242,17 @@ CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, const 
     return mix;
 }
 
+/* The same with the narrowest cone over all sectors. */
+CONEMAP__INLINE conemap__mix conemap__sample_sectors(const conemap_map *map, conemap__quad quad, float x, float y) {
+    conemap__mix mix = conemap__sample_cell(map, map->cones, quad, x, y);
+    int k;
+    for (k = 1; k < conemap__planes(&map->info); ++k) {
+        const float *cones = map->cones + (size_t)k * conemap__texels(map);
+        mix.tangent = conemap__min(mix.tangent, conemap__sample_cell(map, cones, quad, x, y).tangent);
+    }
+    return mix;
+}
+
 /* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. */
 static int conemap__locate(float u, int size, conemap_wrap wrap, int *cell, float *place) {
     float x;
@@ -4051,18 +4274,14 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
     conemap__corners c;
     conemap__mix mix;
     float x, y, dx, dy, length;
-    int i, j, k;
+    int i, j;
     if (!map || !map->heights || !sample) return CONEMAP_ERROR_NULL;
     if (!conemap__locate(u, map->info.width, map->info.wrap_u, &i, &x) ||
         !conemap__locate(v, map->info.height, map->info.wrap_v, &j, &y))
         return CONEMAP_ERROR_POSITION;
     quad = conemap__cell_quad(map, i, j);
     c = conemap__gather(map->heights, quad);
-    mix = conemap__sample_cell(map, map->cones, quad, x, y);
-    for (k = 1; k < conemap__planes(&map->info); ++k)
-        mix.tangent = conemap__min(
-            mix.tangent,
-            conemap__sample_cell(map, map->cones + (size_t)k * conemap__texels(map), quad, x, y).tangent);
+    mix = conemap__sample_sectors(map, quad, x, y);
     dx = (c.h10 - c.h00) + ((c.h11 - c.h01) - (c.h10 - c.h00)) * y;
     dy = (c.h01 - c.h00) + ((c.h11 - c.h10) - (c.h01 - c.h00)) * x;
     sample->height = mix.height;
@@ -5456,7 +5675,7 @@ static const char conemap__surface[] = /* the height below the ray, and with `co
     "?hardware,!cones,!apart         float height = $SAMPLE_HEIGHT;\n"
     "?!hardware         float height = conemap_mix(heights, x, y);\n";
 
-static const char conemap__cone[] =
+static const char conemap__cone_text[] =
     "?!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
     "?!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
     "?gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
@@ -5777,7 +5996,7 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
             ++text;
         }
         if (wanted && *text == '@') { /* a piece of several lines */
-            const char *part = text[1] == 'm' ? conemap__move : text[1] == 's' ? conemap__surface : conemap__cone;
+            const char *part = text[1] == 'm' ? conemap__move : text[1] == 's' ? conemap__surface : conemap__cone_text;
             conemap__lines(e, part, needs);
             while (*text && *text != '\n') ++text;
         } else if (wanted) {
@@ -6452,6 +6671,1635 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
     return CONEMAP_OK;
 }
 
+/* ======================================================================================================
+   F R U S T U M   R A Y S
+
+   One frustum, in its own frame and in doubles: the packed floats are what it is. `s` is the height of a cutting plane
+   over its y-intercept per distance from the axis, in the direction of a point: s = a sin + b cos of its angle.
+   ====================================================================================================== */
+
+/* A cone x^2 + z^2 = (r + k y)^2, r + k y >= 0. */
+typedef struct conemap__cone {
+    double r, k;
+} conemap__cone;
+
+/* A ray in a frustum's frame. */
+typedef struct conemap__local_ray {
+    double o[3], v[3];
+} conemap__local_ray;
+
+/* A place in a frustum, with what it was computed from. */
+typedef struct conemap__place_uvw {
+    double u, v, w;
+    double d, sine, cosine; /* distance from the axis; direction of the angle */
+    conemap__cone own;      /* the cone of the shell that goes through the point */
+    double lower, upper;    /* y where that cone's straight line through the point meets the cutting planes */
+    double thickness;       /* of the shell at the point's y */
+} conemap__place_uvw;
+
+CONEMAP__INLINE double conemap__dot3(const double *a, const double *b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+CONEMAP__INLINE void conemap__cross3(const double *a, const double *b, double *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+CONEMAP__INLINE double conemap__absd(double x) { return x < 0.0 ? -x : x; }
+
+/* Divides by the length; 0 if there is none to speak of. */
+static int conemap__normalise3(double *a) {
+    double length = sqrt(conemap__dot3(a, a));
+    int k;
+    if (length < 1e-200) return 0;
+    for (k = 0; k < 3; ++k) a[k] /= length;
+    return 1;
+}
+
+CONEMAP__INLINE conemap__cone conemap__cone_at(const conemap_frustum *f, double w) {
+    conemap__cone cone;
+    cone.r = (double)f->r + w * (double)f->t;
+    cone.k = (double)f->k + w * (double)f->tk;
+    return cone;
+}
+
+/* The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. All four quadrants, which [BJCW09 eq. 6]'s arctangent of x / z
+   does not tell apart. A series, so that the bits do not depend on the platform's atan2; off by 3e-13. */
+static double conemap__turns(double x, double z) {
+    double ax = conemap__absd(x), az = conemap__absd(z), a, a2, angle, base = 0.0;
+    if (ax + az == 0.0) return 0.0;
+    a = ax < az ? ax / az : az / ax;
+    if (a > 0.41421356237309503) { /* tan(pi / 8): turn back by pi / 4 */
+        a = (a - 1.0) / (a + 1.0);
+        base = 0.125;
+    }
+    a2 = a * a;
+    angle = a * (1.0 + a2 * (-1.0 / 3 + a2 * (1.0 / 5 + a2 * (-1.0 / 7 + a2 * (1.0 / 9 + a2 * (-1.0 / 11 + a2 * (
+            1.0 / 13 + a2 * (-1.0 / 15 + a2 * (1.0 / 17 + a2 * (-1.0 / 19 + a2 * (1.0 / 21 + a2 * (-1.0 / 23 +
+            a2 * (1.0 / 25 - a2 / 27.0)))))))))))));
+    angle = base + angle * 0.15915494309189535;
+    if (ax > az) angle = 0.25 - angle;
+    if (z < 0.0) angle = 0.5 - angle;
+    return x < 0.0 ? 1.0 - angle : angle;
+}
+
+/* Sine and cosine of an angle in turns. */
+static void conemap__turn(double turns, double *sine, double *cosine) {
+    double x = (conemap__fraction(turns + 0.125) - 0.125) * 4.0, s, c, x2, keep;
+    int quarter = conemap__floord(x + 0.5);
+    x = (x - (double)quarter) * 1.5707963267948966;
+    x2 = x * x;
+    s = x * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0 * (1.0 - x2 / 110.0 *
+        (1.0 - x2 / 156.0))))));
+    c = 1.0 - x2 / 2.0 * (1.0 - x2 / 12.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0 * (1.0 - x2 / 90.0 *
+        (1.0 - x2 / 132.0 * (1.0 - x2 / 182.0))))));
+    for (; quarter > 0; --quarter) {
+        keep = s;
+        s = c;
+        c = -keep;
+    }
+    *sine = s;
+    *cosine = c;
+}
+
+static void conemap__to_local(const conemap_frustum *f, const double *p, double *out) {
+    double q[3];
+    q[0] = p[0] - (double)f->axis_x[3];
+    q[1] = p[1] - (double)f->axis_y[3];
+    q[2] = p[2] - (double)f->axis_z[3];
+    out[0] = (double)f->axis_x[0] * q[0] + (double)f->axis_x[1] * q[1] + (double)f->axis_x[2] * q[2];
+    out[1] = (double)f->axis_y[0] * q[0] + (double)f->axis_y[1] * q[1] + (double)f->axis_y[2] * q[2];
+    out[2] = (double)f->axis_z[0] * q[0] + (double)f->axis_z[1] * q[1] + (double)f->axis_z[2] * q[2];
+}
+
+/* A gradient, or normal, of the frustum's frame in the world's: for rows of any length. */
+static void conemap__gradient_to_world(const conemap_frustum *f, const double *n, double *out) {
+    int k;
+    for (k = 0; k < 3; ++k)
+        out[k] = (double)f->axis_x[k] * n[0] + (double)f->axis_y[k] * n[1] + (double)f->axis_z[k] * n[2];
+}
+
+CONEMAP__INLINE double conemap__origin(const conemap_frustum *f, int k) {
+    return (double)(k == 0 ? f->axis_x : k == 1 ? f->axis_y : f->axis_z)[3];
+}
+
+/* What one step along each axis of the frame is in the world; the rows are at right angles, of any length. */
+static void conemap__axes(const conemap_frustum *f, double axes[3][3]) {
+    int k, r;
+    for (r = 0; r < 3; ++r) {
+        const float *row = r == 0 ? f->axis_x : r == 1 ? f->axis_y : f->axis_z;
+        double x = (double)row[0], y = (double)row[1], z = (double)row[2], by = 1.0 / (x * x + y * y + z * z);
+        for (k = 0; k < 3; ++k) axes[r][k] = by * (double)row[k];
+    }
+}
+
+static conemap__local_ray conemap__local(const conemap_frustum *f, const double *o, const double *v) {
+    conemap__local_ray ray;
+    conemap__to_local(f, o, ray.o);
+    ray.v[0] = (double)f->axis_x[0] * v[0] + (double)f->axis_x[1] * v[1] + (double)f->axis_x[2] * v[2];
+    ray.v[1] = (double)f->axis_y[0] * v[0] + (double)f->axis_y[1] * v[1] + (double)f->axis_y[2] * v[2];
+    ray.v[2] = (double)f->axis_z[0] * v[0] + (double)f->axis_z[1] * v[1] + (double)f->axis_z[2] * v[2];
+    return ray;
+}
+
+/* y where the straight line of a cone in a direction meets a cutting plane: y = c + s (r + k y). The limits on the slope keep
+   k s below 1. */
+CONEMAP__INLINE double conemap__cut_y(const float *plane, double s, conemap__cone cone) {
+    return ((double)plane[2] + s * cone.r) / (1.0 - cone.k * s);
+}
+
+/* Narrows [t0, t1] to where g0 + g1 t >= 0. Returns 1 if t0 moved. */
+CONEMAP__INLINE int conemap__half_space(double g0, double g1, double *t0, double *t1) {
+    double t;
+    if (g1 == 0.0) {
+        if (g0 < 0.0) *t1 = -CONEMAP__NEVER;
+        return 0;
+    }
+    t = -g0 / g1;
+    if (g1 < 0.0) {
+        if (t < *t1) *t1 = t;
+        return 0;
+    }
+    if (t <= *t0) return 0;
+    *t0 = t;
+    return 1;
+}
+
+/* Narrows [t0, t1] to the part of a ray inside a cone between the frustum's cutting planes; 0 if nothing is left. The solid
+   is convex, so it is one piece. face: 0 if t0 stayed or lies on the cone, 1 or 2 on the lower or upper plane.
+
+   With f(t) = x^2 + z^2 - (r + k y)^2 = A t^2 + 2 B t + C [BJCW09 eq. 10], inside is f <= 0 and r + k y >= 0: between the roots
+   for A > 0, and for A < 0, where the ray is steeper than the cone, beyond the root on the nappe that is there; the other nappe's
+   root is left alone. A = 0 has one root. The origin is moved to where the ray is nearest to the axis, so that B^2 - A C
+   does not cancel for rays from afar, and the roots are q / A and C / q, neither of which does. */
+static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, const conemap__local_ray *ray, double *t0,
+                               double *t1, int *face) {
+    double vx = ray->v[0], vy = ray->v[1], vz = ray->v[2], across = vx * vx + vz * vz;
+    double shift, x, y, z, rho, rho_v, a, b, c, begin, end, discriminant, q, first, second;
+    *face = 0;
+    if (conemap__half_space(ray->o[1] - (double)f->lower[0] * ray->o[0] - (double)f->lower[1] * ray->o[2] - (double)f->lower[2],
+                            vy - (double)f->lower[0] * vx - (double)f->lower[1] * vz, t0, t1))
+        *face = 1;
+    if (conemap__half_space((double)f->upper[0] * ray->o[0] + (double)f->upper[1] * ray->o[2] + (double)f->upper[2] - ray->o[1],
+                            (double)f->upper[0] * vx + (double)f->upper[1] * vz - vy, t0, t1))
+        *face = 2;
+    if (!(*t0 <= *t1)) return 0;
+    shift = across > 0.0 ? -(ray->o[0] * vx + ray->o[2] * vz) / across : *t0;
+    shift = shift < *t0 ? *t0 : shift > *t1 ? *t1 : shift;
+    x = ray->o[0] + shift * vx;
+    y = ray->o[1] + shift * vy;
+    z = ray->o[2] + shift * vz;
+    rho = cone.r + cone.k * y;
+    rho_v = cone.k * vy;
+    begin = *t0 - shift;
+    end = *t1 - shift;
+    if (conemap__half_space(rho, rho_v, &begin, &end)) *face = 0;
+    a = across - rho_v * rho_v;
+    b = x * vx + z * vz - rho * rho_v;
+    c = x * x + z * z - rho * rho;
+    discriminant = b * b - a * c;
+    if (discriminant < 0.0) {
+        if (a > 0.0) return 0; /* passes beside the cone */
+        discriminant = 0.0;    /* steeper than the cone it meets both nappes: rounding */
+    }
+    q = b < 0.0 ? sqrt(discriminant) - b : -sqrt(discriminant) - b;
+    if (a == 0.0) { /* parallel to the cone's surface: f is linear */
+        if (b == 0.0) {
+            if (c > 0.0) return 0;
+            first = -CONEMAP__NEVER;
+            second = CONEMAP__NEVER;
+        } else {
+            first = b < 0.0 ? -0.5 * c / b : -CONEMAP__NEVER;
+            second = b < 0.0 ? CONEMAP__NEVER : -0.5 * c / b;
+        }
+    } else {
+        first = q / a;
+        second = q != 0.0 ? c / q : first;
+        if (first > second) {
+            double keep = first;
+            first = second;
+            second = keep;
+        }
+        if (a < 0.0) {
+            if (rho_v > 0.0) {
+                first = second;
+                second = CONEMAP__NEVER;
+            } else {
+                second = first;
+                first = -CONEMAP__NEVER;
+            }
+        }
+    }
+    if (first > begin) {
+        begin = first;
+        *face = 0;
+    }
+    if (second < end) end = second;
+    if (!(begin <= end)) return 0;
+    if (begin + shift > *t0) *t0 = begin + shift;
+    if (end + shift < *t1) *t1 = end + shift;
+    return *t0 <= *t1;
+}
+
+/* u, v and w of a point [BJCW09 eqs. 6, 7, 11, 12]: w from the radii at the point's y, then v on the cone of the shell that the
+   point lies on. Where there is no shell, w is the distance from the surface along the radius and v that of the surface. */
+static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p) {
+    conemap__place_uvw at;
+    double above;
+    at.d = sqrt(p[0] * p[0] + p[2] * p[2]);
+    at.sine = at.d > 0.0 ? p[0] / at.d : 0.0;
+    at.cosine = at.d > 0.0 ? p[2] / at.d : 1.0;
+    at.thickness = (double)f->t + (double)f->tk * p[1];
+    above = at.d - ((double)f->r + (double)f->k * p[1]);
+    at.w = at.thickness > 0.0 ? above / at.thickness : above;
+    at.own = conemap__cone_at(f, at.thickness > 0.0 ? at.w : 0.0);
+    at.lower = conemap__cut_y(f->lower, (double)f->lower[0] * at.sine + (double)f->lower[1] * at.cosine, at.own);
+    at.upper = conemap__cut_y(f->upper, (double)f->upper[0] * at.sine + (double)f->upper[1] * at.cosine, at.own);
+    at.v = at.upper != at.lower ? (p[1] - at.lower) / (at.upper - at.lower) : 0.0;
+    at.u = conemap__turns(at.sine, at.cosine);
+    return at;
+}
+
+/* The gradient of the cut's y along one plane: y = (c + s r) / (1 - k s) moves with the angle through s, and with w through
+   r and k. */
+static void conemap__cut_gradient(const conemap_frustum *f, const float *plane, const conemap__place_uvw *at, double y,
+                                  const double *grad_angle, const double *grad_w, double *out) {
+    double s = (double)plane[0] * at->sine + (double)plane[1] * at->cosine, rest = 1.0 - at->own.k * s;
+    double by_angle = (at->own.r + at->own.k * (double)plane[2]) / (rest * rest) *
+                      ((double)plane[0] * at->cosine - (double)plane[1] * at->sine);
+    double by_w = at->thickness > 0.0 ? s * ((double)f->t + (double)f->tk * y) / rest : 0.0;
+    int k;
+    for (k = 0; k < 3; ++k) out[k] = by_angle * grad_angle[k] + by_w * grad_w[k];
+}
+
+/* Gradients of u, v and w at a point off the axis, in the frustum's frame. */
+static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__place_uvw *at, double grad_u[3],
+                                   double grad_v[3], double grad_w[3]) {
+    double lower[3], upper[3], d = at->d > 1e-300 ? at->d : 1e-300, span = at->upper - at->lower;
+    double over = at->thickness > 0.0 ? at->thickness : 1.0;
+    int k;
+    grad_w[0] = at->sine / over;
+    grad_w[1] = -at->own.k / over;
+    grad_w[2] = at->cosine / over;
+    grad_u[0] = at->cosine / d;
+    grad_u[1] = 0.0;
+    grad_u[2] = -at->sine / d;
+    conemap__cut_gradient(f, f->lower, at, at->lower, grad_u, grad_w, lower);
+    conemap__cut_gradient(f, f->upper, at, at->upper, grad_u, grad_w, upper);
+    for (k = 0; k < 3; ++k) {
+        grad_v[k] = ((k == 1 ? 1.0 : 0.0) - (1.0 - at->v) * lower[k] - at->v * upper[k]) / span;
+        grad_u[k] *= 0.15915494309189535;
+    }
+}
+
+/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between mixed by v.
+   plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides of a joint. */
+static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
+    double end[2][3], v = conemap__clamp01(at->v), m;
+    int e, k;
+    for (e = 0; e < 2; ++e) {
+        const float *plane = e ? f->upper : f->lower;
+        double y = e ? at->upper : at->lower, rho = at->own.r + at->own.k * y, length;
+        double a = (double)plane[0], b = (double)plane[1], lean;
+        y -= e ? (double)f->h : 0.0;
+        end[e][0] = rho * at->sine;
+        end[e][1] = y;
+        end[e][2] = rho * at->cosine;
+        length = sqrt(rho * rho + y * y);
+        if (!(rho > 1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
+            end[e][0] = at->sine;
+            end[e][1] = 0.0;
+            end[e][2] = at->cosine;
+            length = 1.0;
+        }
+        lean = (double)plane[3] * length / sqrt(1.0 + a * a + b * b);
+        end[e][0] += lean * a;
+        end[e][1] -= lean;
+        end[e][2] += lean * b;
+        conemap__normalise3(end[e]);
+    }
+    m = f->flags & CONEMAP_FRUSTUM_C1 ? v * v * (3.0 - 2.0 * v) : v;
+    for (k = 0; k < 3; ++k) n[k] = (1.0 - m) * end[0][k] + m * end[1][k];
+    if (!conemap__normalise3(n)) {
+        n[0] = at->sine;
+        n[1] = 0.0;
+        n[2] = at->cosine;
+    }
+}
+
+/* The pyramid |x|, |z| <= rho(y) of [BJCW09 section 2.6] around the outer cone, cut by the two planes. y of corner `i`. */
+static double conemap__corner_y(const float *plane, conemap__cone cone, int i) {
+    double sx = i == 1 || i == 2 ? 1.0 : -1.0, sz = i >= 2 ? 1.0 : -1.0;
+    return conemap__cut_y(plane, (double)plane[0] * sx + (double)plane[1] * sz, cone);
+}
+
+/* Why the eight corners hold the shell. Every cone of the shell lies in the outer one, r + k y + t + tk y (thickness is not
+   negative between the cuts: conemap__settle), and that in the convex pyramid P of four planes |x|, |z| <= rho(y), rho(y) >= 0. The
+   shell is cut by both planes, so it lies in P between them. Each plane meets all four edges of P (slope limits), so it cuts
+   P in a quadrilateral with those corners. Every lower corner lies on or below the upper one of its edge (conemap__settle
+   again), so the lower quadrilateral, the hull of its corners, lies on one side of the upper plane, and the other way around. A
+   point of P between the planes lies on a straight line through P's apex (or along the edges, where it has none) that meets the
+   one quadrilateral below it and the other above it: so it is in the hull of the eight. The sides are flat, hence twelve triangles
+   bound that hull. Rounding to floats can take away about 2^-22 of the coordinates. */
+static void conemap__corners_of(const conemap_frustum *f, double corners[8][3]) {
+    conemap__cone outer = conemap__cone_at(f, 1.0);
+    double axes[3][3];
+    int i, k;
+    conemap__axes(f, axes);
+    for (i = 0; i < 8; ++i) {
+        double y = conemap__corner_y(i < 4 ? f->lower : f->upper, outer, i & 3), rho = outer.r + outer.k * y;
+        double x = (i & 3) == 1 || (i & 3) == 2 ? rho : -rho, z = (i & 3) >= 2 ? rho : -rho;
+        if (rho < 0.0) x = z = 0.0;
+        for (k = 0; k < 3; ++k)
+            corners[i][k] = conemap__origin(f, k) + x * axes[0][k] + y * axes[1][k] + z * axes[2][k];
+    }
+}
+
+CONEMAP__DEF conemap_result conemap_frustum_corners(const conemap_frustum *frustum, float corners[8][3]) {
+    double exact[8][3];
+    int i, k;
+    if (!frustum || !corners) return CONEMAP_ERROR_NULL;
+    conemap__corners_of(frustum, exact);
+    for (i = 0; i < 8; ++i)
+        for (k = 0; k < 3; ++k) corners[i][k] = (float)exact[i][k];
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF const unsigned char *conemap_frustum_triangles(void) {
+    static const unsigned char triangles[36] = {0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6, 0, 4, 5, 0, 5, 1,
+                                                1, 5, 6, 1, 6, 2, 2, 6, 7, 2, 7, 3, 3, 7, 4, 3, 4, 0};
+    return triangles;
+}
+
+CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, const float point[3], float uvw[3]) {
+    conemap__place_uvw at;
+    double world[3], p[3];
+    int k;
+    if (!frustum || !point || !uvw) return CONEMAP_ERROR_NULL;
+    for (k = 0; k < 3; ++k) {
+        if (!conemap__finite(point[k])) return CONEMAP_ERROR_POSITION;
+        world[k] = (double)point[k];
+    }
+    conemap__to_local(frustum, world, p);
+    at = conemap__uvw(frustum, p);
+    uvw[0] = (float)at.u;
+    uvw[1] = (float)at.v;
+    uvw[2] = (float)at.w;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3], float point[3]) {
+    conemap__cone cone;
+    double sine, cosine, low, high, y, rho, p[3], axes[3][3];
+    int k;
+    if (!frustum || !uvw || !point) return CONEMAP_ERROR_NULL;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(uvw[k])) return CONEMAP_ERROR_PARAMETER;
+    conemap__turn((double)uvw[0], &sine, &cosine);
+    cone = conemap__cone_at(frustum, (double)uvw[2]);
+    low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine, cone);
+    high = conemap__cut_y(frustum->upper, (double)frustum->upper[0] * sine + (double)frustum->upper[1] * cosine, cone);
+    y = low + (double)uvw[1] * (high - low);
+    rho = cone.r + cone.k * y;
+    if (!(rho >= 0.0)) {
+        if (!(rho >= -1e-6 * ((double)frustum->r + (double)frustum->t + (double)frustum->h))) return CONEMAP_ERROR_PARAMETER;
+        rho = 0.0; /* the point of a cone, by rounding */
+    }
+    p[0] = rho * sine;
+    p[1] = y;
+    p[2] = rho * cosine;
+    conemap__axes(frustum, axes);
+    for (k = 0; k < 3; ++k)
+        point[k] = (float)(conemap__origin(frustum, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k]);
+    return CONEMAP_OK;
+}
+
+/* A ray of the world with its direction scaled by a power of two to about 1, and its range in that time. */
+typedef struct conemap__world_ray {
+    double o[3], v[3], t0, t1, scale;
+} conemap__world_ray;
+
+static conemap__world_ray conemap__prepare_ray(const conemap_ray *ray) {
+    conemap__world_ray out;
+    double longest = 0.0, power;
+    int k;
+    for (k = 0; k < 3; ++k) {
+        out.o[k] = (double)ray->origin[k];
+        out.v[k] = (double)ray->direction[k];
+        longest = conemap__maxd(longest, conemap__absd(out.v[k]));
+    }
+    power = conemap__normalising_power(longest);
+    for (k = 0; k < 3; ++k) {
+        out.v[k] *= power;
+        if (conemap__absd(out.v[k]) < 1e-30) out.v[k] = 0.0;
+    }
+    out.scale = power;
+    out.t0 = (double)ray->t_min / power;
+    out.t1 = ray->t_max == 0.0f || !conemap__finite(ray->t_max) ? CONEMAP__NEVER : (double)ray->t_max / power;
+    return out;
+}
+
+CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum, float height, const conemap_ray *ray,
+                                                 float span[2]) {
+    conemap_result result;
+    conemap__world_ray world;
+    conemap__local_ray local;
+    int face;
+    if (!frustum || !ray || !span) return CONEMAP_ERROR_NULL;
+    if (!conemap__in_range(height, 0.0f, 1.0f)) return CONEMAP_ERROR_PARAMETER;
+    result = conemap__check_ray(ray);
+    if (result != CONEMAP_OK) return result;
+    world = conemap__prepare_ray(ray);
+    local = conemap__local(frustum, world.o, world.v);
+    span[0] = 1.0f;
+    span[1] = 0.0f;
+    if (!conemap__solid_span(frustum, conemap__cone_at(frustum, (double)height), &local, &world.t0, &world.t1, &face))
+        return CONEMAP_OK;
+    world.t0 *= world.scale;
+    world.t1 *= world.scale;
+    span[0] = (float)world.t0;
+    span[1] = world.t1 < 3.0e38 ? (float)world.t1 : conemap__from_bits(0x7f800000u);
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   F R U S T A
+
+   Skinning a skeleton, the ray through the relief's shell, and a tree of boxes over the frusta.
+   ====================================================================================================== */
+
+#define CONEMAP__STEEPEST 2.75    /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut as they should */
+#define CONEMAP__CONE_ROOM 0.63   /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
+                                     sqrt(2) further out */
+#define CONEMAP__FOLD 0.01        /* boundary lines closer to parallel than so many radians: see conemap__boundary */
+#define CONEMAP__FARTHEST 1e12f   /* a joint's coordinate */
+#define CONEMAP__LEAF 2           /* frusta in a leaf */
+#define CONEMAP__CHAIN 4          /* segments of a chain that are searched for branches nearby */
+
+/* What a segment keeps beside its frustum. */
+typedef struct conemap__bone {
+    int base, top;
+    float radius;               /* at the base; 0: the joint's */
+    float sine, cosine;         /* of the angle at the top where the texture's u is 0, twist included */
+    float rest_y[3], rest_z[3]; /* roots: the frame as built, which turns with the axis from there */
+} conemap__bone;
+
+/* A node of the tree of boxes, in depth-first order: an inner node's first child follows it. */
+typedef struct conemap__node {
+    float low[3], high[3];
+    int count;                  /* frusta of a leaf; 0: an inner node */
+    int next;                   /* a leaf's first place in `leaves`; an inner node's second child */
+} conemap__node;
+
+/* A segment while it is being skinned. */
+typedef struct conemap__limb {
+    int segment;
+    double base[3], x[3], y[3], z[3]; /* its frame in the world */
+    double h, r, r_top, k, t, t_top;
+    double lower[3], upper[3];  /* cutting planes: a, b, c */
+    double lean_lower, lean_upper;
+    int flags;
+} conemap__limb;
+
+/* ---- skinning --------------------------------------------------------------------------------------- */
+
+/* Where the boundary line of a cone meets that of the next [BJCW09 eq. 4, figure 2], in the medial plane, as the distance
+   along the first axis from the joint. Radii r, r2 and growths k, k2 of the two cones at the joint, away from it along the
+   axes; c and s: cosine and sine of the bend; the other side is that of -s.
+
+   The lines r p1 + y (M1 + k p1) and r2 p2 + y2 (M2 + k2 p2) meet at y = N / D. Where they are parallel D = 0 and the meeting
+   is anywhere: on straight chains of an even taper, which the paper answers with another axis, but also in bends by as much as
+   the taper changes, where the paper's cut shoots off. So y is taken from the bisecting plane, whose y never does,
+   and N / D only adds what differs from that. It is bounded by `most` and folded back to 0 where the lines become parallel,
+   without a jump. Elsewhere it is exactly the paper's. */
+static double conemap__boundary(double r, double k, double r2, double k2, double c, double s) {
+    double bisecting = -r * s / (1.0 + c + k * s);
+    double d = s * (1.0 + k * k2) + c * (k2 - k), n = r * (c - s * k2) - r2 - bisecting * d;
+    double most = 2.0 * r * (conemap__absd(k) + conemap__absd(k2)), size = conemap__maxd(conemap__absd(d), CONEMAP__FOLD);
+    if (!(most > 0.0)) return bisecting;
+    size = conemap__maxd(size, conemap__absd(n) / most);
+    return bisecting + n * d / (size * size);
+}
+
+/* Half the minor axis, squared, of the ellipse in which a cone of radius r + k y is cut by the plane n1 y + np p = dot, p across the
+   axis: at the centre, between the two boundary lines' meetings with the plane, what the radius leaves besides the way from the
+   axis. 0 if it is no ellipse. */
+static double conemap__minor_axis(double r, double k, double n1, double np, double dot) {
+    double over_a = n1 + k * np, over_b = n1 - k * np, a, b, y, rho, off;
+    if (!(over_a > 1e-9 && over_b > 1e-9)) return 0.0;
+    a = (dot - r * np) / over_a;
+    b = (dot + r * np) / over_b;
+    y = 0.5 * (a + b);
+    rho = r + k * y;
+    off = 0.5 * k * (a - b); /* half of (r + k a) - (r + k b) */
+    return rho * rho - off * off;
+}
+
+/* Cuts two limbs that meet in a joint by one plane [BJCW09 eqs. 3-5], and fits the second one's radius [section 2.2]. */
+static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first, conemap__limb *next) {
+    double normal[3], p1[3], p2[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
+    int round, k;
+    conemap__cross3(first->y, next->y, normal);
+    s = sqrt(conemap__dot3(normal, normal));
+    if (s > 1e-12) /* eq. 3 */
+        for (k = 0; k < 3; ++k) normal[k] /= s;
+    else {         /* axes in one line: any plane through them will do */
+        s = 0.0;
+        memcpy(normal, first->x, sizeof normal);
+    }
+    conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
+    conemap__cross3(normal, next->y, p2);
+    for (round = 0;; ++round) {
+        n1 = 1.0 + c; /* the bisecting plane through the joint */
+        np = s;
+        dot = 0.0;
+        if (n1 + s <= 1e-9) np = 1.0; /* straight back */
+        if (c > -0.77 && n1 + first->k * s > 0.1 * n1 && n1 - first->k * s > 0.1 * n1) {
+            double ya = conemap__boundary(first->r_top, first->k, next->r, next->k, c, s);
+            double yb = conemap__boundary(first->r_top, first->k, next->r, next->k, c, -s);
+            double a = first->r_top + first->k * ya, b = first->r_top + first->k * yb;
+            if (a + b > 1e-6 * first->r_top && a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
+                n1 = a + b;
+                np = yb - ya;
+                dot = n1 * ya + np * a;
+                if (round < skeleton->build.fit_steps) {
+                    double minor = conemap__minor_axis(first->r_top, first->k, n1, np, dot);
+                    double minor2 = conemap__minor_axis(next->r, next->k, c * n1 + s * np, c * np - s * n1, dot);
+                    if (minor > 0.0 && minor2 > 0.0 && conemap__absd(minor - minor2) > 1e-12 * minor) {
+                        double ratio = sqrt(sqrt(minor / minor2)); /* half of the way: whole ones can swing to and fro */
+                        next->r *= ratio < 0.5 ? 0.5 : ratio > 2.0 ? 2.0 : ratio;
+                        next->k = (next->r_top - next->r) / next->h;
+                        continue;
+                    }
+                }
+            }
+        }
+        break;
+    }
+    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and p2 */
+    m = conemap__maxd(n1, 1e-9 * conemap__absd(np));
+    first->upper[0] = -np / m * conemap__dot3(p1, first->x);
+    first->upper[1] = -np / m * conemap__dot3(p1, first->z);
+    first->upper[2] = first->h + dot / m;
+    along = c * n1 + s * np;
+    across = c * np - s * n1;
+    m = conemap__maxd(along, 1e-9 * conemap__absd(across));
+    next->lower[0] = across / m; /* along p2, until the frame of `next` is known */
+    next->lower[1] = 0.0;
+    next->lower[2] = dot / m;
+    /* u = 0 at the upper cut of the first limb, seen from the joint, is where u = 0 of the next begins [section 2.3] */
+    {
+        const conemap__bone *bone = &skeleton->build.bones[first->segment];
+        double q[3], sine = (double)bone->sine, cosine = (double)bone->cosine, y, rho, slope, turn, length2;
+        slope = first->upper[0] * sine + first->upper[1] * cosine;
+        slope = conemap__mind(slope, CONEMAP__STEEPEST);
+        y = (first->upper[2] + slope * first->r) / conemap__maxd(1.0 - first->k * slope, 0.1);
+        rho = first->r + first->k * y;
+        for (k = 0; k < 3; ++k)
+            q[k] = rho * (sine * first->x[k] + cosine * first->z[k]) + (y - first->h) * first->y[k];
+        turn = conemap__dot3(q, next->y);
+        for (k = 0; k < 3; ++k) q[k] -= turn * next->y[k];
+        length2 = conemap__dot3(q, q);
+        if (!(length2 > 1e-6 * rho * rho && rho > 0.0)) { /* it lies on the next axis: turn with the least rotation */
+            double z[3];
+            for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
+            turn = conemap__dot3(z, next->y) / conemap__maxd(1.0 + c, 1e-9);
+            for (k = 0; k < 3; ++k) q[k] = z[k] - turn * (first->y[k] + next->y[k]);
+        }
+        memcpy(next->z, q, sizeof q);
+    }
+    for (k = 0; k < 3; ++k) p1[k] = p2[k];
+    m = conemap__dot3(next->z, next->y);
+    for (k = 0; k < 3; ++k) next->z[k] -= m * next->y[k];
+    if (!conemap__normalise3(next->z)) memcpy(next->z, normal, sizeof normal);
+    conemap__cross3(next->y, next->z, next->x);
+    m = next->lower[0];
+    next->lower[0] = -m * conemap__dot3(p1, next->x);
+    next->lower[1] = -m * conemap__dot3(p1, next->z);
+}
+
+/* z of a frame whose y turns from one direction to another by the least rotation; straight back, z stays. */
+static void conemap__carry(const double *from_y, const double *from_z, conemap__limb *limb) {
+    double turn = 1.0 + conemap__dot3(from_y, limb->y), m;
+    int k;
+    turn = turn > 1e-9 ? conemap__dot3(from_z, limb->y) / turn : 0.0;
+    for (k = 0; k < 3; ++k) limb->z[k] = from_z[k] - turn * (from_y[k] + limb->y[k]);
+    m = conemap__dot3(limb->z, limb->y);
+    for (k = 0; k < 3; ++k) limb->z[k] -= m * limb->y[k];
+    if (!conemap__normalise3(limb->z)) { /* cannot be, but for the rounding of packed rows */
+        limb->z[0] = -limb->y[1];
+        limb->z[1] = limb->y[0];
+        limb->z[2] = 0.0;
+        if (!conemap__normalise3(limb->z)) limb->z[0] = 1.0;
+    }
+    conemap__cross3(limb->y, limb->z, limb->x);
+}
+
+/* Scales the slopes of both planes. */
+static void conemap__tilt(conemap_frustum *f, const conemap__limb *limb, double by) {
+    int k;
+    for (k = 0; k < 2; ++k) {
+        f->lower[k] = (float)(by * limb->lower[k]);
+        f->upper[k] = (float)(by * limb->upper[k]);
+    }
+}
+
+/* Whether every corner of the bounding pyramid is on the cone's nappe and its lower corners lie below the upper ones, by a hundredth
+   of the axis, so that v stays well-defined. */
+static int conemap__apart(const conemap_frustum *f) {
+    conemap__cone outer = conemap__cone_at(f, 1.0);
+    double grain = -1e-5 * (outer.r + conemap__absd(outer.r + outer.k * (double)f->h));
+    int i;
+    for (i = 0; i < 4; ++i) {
+        double low = conemap__corner_y(f->lower, outer, i), high = conemap__corner_y(f->upper, outer, i);
+        if (low + 0.01 * (double)f->h > high || outer.r + outer.k * low < grain || outer.r + outer.k * high < grain) return 0;
+    }
+    return 1;
+}
+
+/* Limits the slope of one plane and how far from its joint it meets the axis, so that upright planes are apart with some radius
+   left at both; returns whether it had to. */
+static int conemap__limit_plane(const conemap__limb *limb, double *plane, double joint, double radius, double steepest) {
+    double slope = sqrt(plane[0] * plane[0] + plane[1] * plane[1]), off = plane[2] - joint, most = 0.45 * limb->h;
+    int limited = 0;
+    if (most * conemap__absd(limb->k) > 0.5 * radius) most = 0.5 * radius / conemap__absd(limb->k);
+    if (slope > steepest) {
+        plane[0] *= steepest / slope;
+        plane[1] *= steepest / slope;
+        limited = 1;
+    }
+    if (off > most || off < -most) {
+        plane[2] = joint + (off > 0.0 ? most : -most);
+        limited = 1;
+    }
+    return limited;
+}
+
+/* Where a plane's lowest or highest corner on the inner pyramid lies. */
+static double conemap__reach(const float *plane, conemap__cone inner, int high) {
+    double y = conemap__corner_y(plane, inner, 0), other;
+    int i;
+    for (i = 1; i < 4; ++i) {
+        other = conemap__corner_y(plane, inner, i);
+        y = high ? conemap__maxd(y, other) : conemap__mind(y, other);
+    }
+    return y;
+}
+
+/* Packs a limb whose planes are known, and clamps these so that the proof of the corners holds. Returns its flags. */
+static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
+    conemap_frustum *f = &skeleton->build.frusta[limb->segment];
+    float *box = skeleton->build.boxes[limb->segment];
+    double tk = (limb->t_top - limb->t) / limb->h, t = limb->t, steepest = CONEMAP__STEEPEST, k_most, corners[8][3];
+    int k, i;
+    for (k = 0; k < 3; ++k) {
+        f->axis_x[k] = (float)limb->x[k];
+        f->axis_y[k] = (float)limb->y[k];
+        f->axis_z[k] = (float)limb->z[k];
+    }
+    f->axis_x[3] = (float)limb->base[0];
+    f->axis_y[3] = (float)limb->base[1];
+    f->axis_z[3] = (float)limb->base[2];
+    f->r = (float)limb->r;
+    f->k = (float)limb->k;
+    f->h = (float)limb->h;
+    k_most = conemap__maxd(conemap__absd(limb->k), conemap__absd(limb->k + tk));
+    if (k_most * steepest > CONEMAP__CONE_ROOM) steepest = CONEMAP__CONE_ROOM / k_most;
+    if (conemap__limit_plane(limb, limb->lower, 0.0, limb->r, steepest)) limb->flags |= CONEMAP_FRUSTUM_CLAMPED_LOWER;
+    if (conemap__limit_plane(limb, limb->upper, limb->h, limb->r_top, steepest)) limb->flags |= CONEMAP_FRUSTUM_CLAMPED_UPPER;
+    f->lower[2] = (float)limb->lower[2];
+    f->upper[2] = (float)limb->upper[2];
+    f->lower[3] = (float)limb->lean_lower;
+    f->upper[3] = (float)limb->lean_upper;
+    conemap__tilt(f, limb, 1.0);
+    f->t = (float)t;
+    f->tk = (float)tk;
+    if (tk < 0.0 || tk > 0.0) { /* past a joint of little shell the thickness would be negative: it ends at the cut instead */
+        double y = conemap__reach(tk < 0.0 ? f->upper : f->lower, conemap__cone_at(f, 0.0), tk < 0.0);
+        if (t + tk * y < 0.0) {
+            if (tk < 0.0) tk = -t / y;
+            else {
+                tk = limb->t_top / (limb->h - y);
+                t = -tk * y;
+            }
+            f->t = (float)t;
+            f->tk = (float)tk;
+        }
+    }
+    if (!conemap__apart(f)) { /* halve towards the tilt at which the planes just stay apart; upright they do */
+        double good = 0.0, bad = 1.0;
+        for (i = 0; i < 10; ++i) {
+            double middle = 0.5 * (good + bad);
+            conemap__tilt(f, limb, middle);
+            if (conemap__apart(f)) good = middle;
+            else bad = middle;
+        }
+        conemap__tilt(f, limb, good);
+        limb->flags |= CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER;
+    }
+    f->flags = limb->flags;
+    conemap__corners_of(f, corners);
+    for (k = 0; k < 3; ++k) {
+        double low = corners[0][k], high = low, grain;
+        for (i = 1; i < 8; ++i) {
+            low = conemap__mind(low, corners[i][k]);
+            high = conemap__maxd(high, corners[i][k]);
+        }
+        grain = 1e-6 * (conemap__absd(low) + conemap__absd(high) + limb->h);
+        box[k] = (float)(low - grain);
+        box[3 + k] = (float)(high + grain);
+    }
+    return limb->flags;
+}
+
+/* A limb's axis, radii and upright planes from the joints. */
+static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_joint *joints, int segment,
+                              conemap__limb *limb) {
+    const conemap__bone *bone = &skeleton->build.bones[segment];
+    const conemap_frustum *f = &skeleton->build.frusta[segment];
+    const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
+    int k;
+    memset(limb, 0, sizeof *limb);
+    limb->segment = segment;
+    for (k = 0; k < 3; ++k) {
+        limb->base[k] = (double)base->position[k];
+        limb->y[k] = (double)top->position[k] - (double)base->position[k];
+    }
+    limb->h = sqrt(conemap__dot3(limb->y, limb->y));
+    for (k = 0; k < 3; ++k) limb->y[k] /= limb->h;
+    limb->r = bone->radius > 0.0f ? (double)bone->radius : (double)base->radius;
+    limb->r_top = (double)top->radius;
+    limb->t = (double)base->thickness;
+    if (bone->radius > 0.0f && base->radius > 0.0f) limb->t *= (double)bone->radius / (double)base->radius;
+    limb->t_top = (double)top->thickness;
+    limb->k = (limb->r_top - limb->r) / limb->h;
+    limb->upper[2] = limb->h;
+    limb->flags = (f->parent < 0 ? CONEMAP_FRUSTUM_ROOT : 0) | (f->child < 0 ? CONEMAP_FRUSTUM_TIP : 0) |
+                  (f->flags & CONEMAP_FRUSTUM_C1);
+    if (skeleton->build.slope_normals) limb->lean_lower = limb->lean_upper = limb->k;
+}
+
+/* Whether every segment can be skinned with these joints. */
+static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, const conemap_joint *joints) {
+    int i, k;
+    for (i = 0; i < skeleton->build.joint_count; ++i) {
+        const conemap_joint *joint = &joints[i];
+        for (k = 0; k < 3; ++k) {
+            if (!conemap__finite(joint->position[k])) return CONEMAP_ERROR_JOINT;
+            if (!conemap__in_range(joint->position[k], -CONEMAP__FARTHEST, CONEMAP__FARTHEST)) return CONEMAP_ERROR_PARAMETER;
+        }
+        if (!conemap__finite(joint->radius) || !conemap__finite(joint->thickness)) return CONEMAP_ERROR_JOINT;
+        if (joint->radius < 0.0f || joint->thickness < 0.0f) return CONEMAP_ERROR_RADIUS;
+        if (joint->radius > CONEMAP__FARTHEST || joint->thickness > CONEMAP__FARTHEST) return CONEMAP_ERROR_PARAMETER;
+    }
+    for (i = 0; i < skeleton->count; ++i) {
+        const conemap__bone *bone = &skeleton->build.bones[i];
+        const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
+        double d[3], p[3], widest, reach;
+        for (k = 0; k < 3; ++k) {
+            p[k] = (double)top->position[k];
+            d[k] = p[k] - (double)base->position[k];
+        }
+        widest = conemap__maxd(conemap__maxd((double)base->radius, (double)bone->radius) + (double)base->thickness,
+                               (double)top->radius + (double)top->thickness);
+        if (!(widest > 0.0)) return CONEMAP_ERROR_RADIUS;
+        reach = conemap__maxd(widest, sqrt(conemap__dot3(p, p)));
+        if (!(conemap__dot3(d, d) >= 1e-12 * reach * reach)) return CONEMAP_ERROR_LENGTH;
+    }
+    return CONEMAP_OK;
+}
+
+/* Fits the tree's boxes: children come after their parents, so from the last node to the first. */
+static void conemap__refit(conemap_skeleton *skeleton) {
+    int i, j, k;
+    for (i = skeleton->build.nodes - 1; i >= 0; --i) {
+        conemap__node *node = &skeleton->build.tree[i];
+        int count = node->count ? node->count : 2;
+        for (j = 0; j < count; ++j) {
+            const conemap__node *child = j ? &skeleton->build.tree[node->next] : node + 1;
+            const float *box = node->count ? skeleton->build.boxes[skeleton->build.leaves[node->next + j]] : NULL;
+            for (k = 0; k < 3; ++k) {
+                float low = box ? box[k] : child->low[k], high = box ? box[3 + k] : child->high[k];
+                node->low[k] = j ? conemap__min(node->low[k], low) : low;
+                node->high[k] = j ? conemap__max(node->high[k], high) : high;
+            }
+        }
+    }
+    for (k = 0; k < 3; ++k) {
+        skeleton->low[k] = skeleton->build.tree[0].low[k];
+        skeleton->high[k] = skeleton->build.tree[0].high[k];
+    }
+}
+
+/* Skins every segment: chain by chain, so that a limb is settled as soon as the one that continues it has cut it. */
+static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joints) {
+    conemap__limb limbs[2];
+    const conemap_frustum *frusta = skeleton->build.frusta;
+    int i, k, open = 0, clamped = 0; /* limbs[open & 1] waits for the one that continues it */
+    for (i = 0; i < skeleton->count; ++i) {
+        int segment = skeleton->build.order[i], parent = frusta[segment].parent;
+        conemap__limb *limb = &limbs[i & 1], *before = &limbs[1 - (i & 1)];
+        double y[3], z[3];
+        conemap__set_limb(skeleton, joints, segment, limb);
+        if (parent >= 0 && frusta[parent].child == segment) {
+            conemap__join(skeleton, before, limb);
+            if (skeleton->build.slope_normals) limb->lean_lower = before->lean_upper = 0.5 * (before->k + limb->k);
+        } else if (parent >= 0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
+            const conemap_frustum *f = &frusta[parent];
+            const conemap__bone *bone = &skeleton->build.bones[parent];
+            for (k = 0; k < 3; ++k) {
+                y[k] = (double)f->axis_y[k];
+                z[k] = (double)bone->sine * (double)f->axis_x[k] + (double)bone->cosine * (double)f->axis_z[k];
+            }
+            conemap__carry(y, z, limb);
+            limb->flags |= CONEMAP_FRUSTUM_BRANCH;
+        } else {
+            const conemap__bone *bone = &skeleton->build.bones[segment];
+            for (k = 0; k < 3; ++k) {
+                y[k] = (double)bone->rest_y[k];
+                z[k] = (double)bone->rest_z[k];
+            }
+            conemap__carry(y, z, limb);
+        }
+        if (open) clamped += (conemap__settle(skeleton, before) &
+                              (CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER)) != 0;
+        open = 1;
+    }
+    clamped += (conemap__settle(skeleton, &limbs[(skeleton->count - 1) & 1]) &
+                (CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER)) != 0;
+    skeleton->clamped = clamped;
+}
+
+/* ---- building --------------------------------------------------------------------------------------- */
+
+static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, size_t *memory_size) {
+    size_t count, size = 0;
+    *memory_size = 0;
+    if (desc->joint_count < 1 || desc->joint_count > (1 << 28) || desc->segment_count < 1 ||
+        desc->segment_count > (1 << 28))
+        return CONEMAP_ERROR_SIZE;
+    count = (size_t)desc->segment_count;
+    if (!conemap__add_size(&size, count, sizeof(conemap_frustum)) ||
+        !conemap__add_size(&size, count, sizeof(conemap__bone)) ||
+        !conemap__add_size(&size, 2 * count, sizeof(conemap__node)) || !conemap__add_size(&size, count, sizeof(int)) ||
+        !conemap__add_size(&size, count, sizeof(int)) || !conemap__add_size(&size, count, 6 * sizeof(float)))
+        return CONEMAP_ERROR_OVERFLOW;
+    *memory_size = size;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size) {
+    if (!desc || !memory_size) return CONEMAP_ERROR_NULL;
+    return conemap__skeleton_size(desc, memory_size);
+}
+
+/* Copies the segments into frusta and bones; children hang in their parent's list of branches. */
+static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+    conemap_frustum *frusta = skeleton->build.frusta;
+    int i;
+    for (i = 0; i < skeleton->count; ++i) frusta[i].child = frusta[i].branch = frusta[i].sibling = -1;
+    for (i = skeleton->count - 1; i >= 0; --i) { /* backwards, so that lists come out in order */
+        const conemap_segment *s = &desc->segments[i];
+        conemap__bone *bone = &skeleton->build.bones[i];
+        double sine, cosine;
+        if (s->base < 0 || s->base >= desc->joint_count || s->top < 0 || s->top >= desc->joint_count)
+            return CONEMAP_ERROR_JOINT;
+        if (s->u_repeat < 0 || s->u_repeat > 4096 || !conemap__in_range(s->twist, -1024.0f, 1024.0f) ||
+            !conemap__in_range(s->v_size, -1e6f, 1e6f))
+            return CONEMAP_ERROR_PARAMETER;
+        if (!conemap__finite(s->radius) || s->radius < 0.0f) return CONEMAP_ERROR_RADIUS;
+        if (s->radius > CONEMAP__FARTHEST) return CONEMAP_ERROR_PARAMETER;
+        if (s->parent >= skeleton->count || (s->parent >= 0 && desc->segments[s->parent].top != s->base))
+            return CONEMAP_ERROR_PARENT;
+        bone->base = s->base;
+        bone->top = s->top;
+        bone->radius = s->radius;
+        conemap__turn(-(double)s->twist, &sine, &cosine);
+        bone->sine = (float)sine;
+        bone->cosine = (float)cosine;
+        frusta[i].parent = s->parent < 0 ? -1 : s->parent;
+        frusta[i].twist = s->twist;
+        frusta[i].u_repeat = s->u_repeat ? s->u_repeat : 1;
+        frusta[i].user = s->user;
+        frusta[i].v_size = s->v_size;
+        frusta[i].flags = desc->c1_normals ? CONEMAP_FRUSTUM_C1 : 0;
+        if (s->parent >= 0) {
+            frusta[i].sibling = frusta[s->parent].branch;
+            frusta[s->parent].branch = i;
+        }
+    }
+    return CONEMAP_OK;
+}
+
+/* Of each segment's children one continues it; then the order of the work, chain by chain. A segment that no root leads
+   to is part of a cycle. */
+static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const conemap_joint *joints) {
+    conemap_frustum *frusta = skeleton->build.frusta;
+    int *stack = skeleton->build.leaves, depth = 0, done = 0, i, at;
+    for (i = 0; i < skeleton->count; ++i) {
+        double thickest = -1.0, straightest = 0.0;
+        int best = -1, *link;
+        conemap__limb limb, other;
+        if (frusta[i].branch < 0) continue;
+        conemap__set_limb(skeleton, joints, i, &limb);
+        for (at = frusta[i].branch; at >= 0; at = frusta[at].sibling) {
+            double straight;
+            conemap__set_limb(skeleton, joints, at, &other);
+            straight = conemap__dot3(limb.y, other.y);
+            if (other.r > thickest || (!(other.r < thickest) && straight > straightest)) {
+                best = at;
+                thickest = other.r;
+                straightest = straight;
+            }
+        }
+        for (link = &frusta[i].branch; *link != best; link = &frusta[*link].sibling) {}
+        *link = frusta[best].sibling;
+        frusta[best].sibling = -1;
+        frusta[i].child = best;
+    }
+    for (i = 0; i < skeleton->count; ++i) {
+        if (frusta[i].parent >= 0) continue;
+        stack[depth++] = i;
+        while (depth > 0) {
+            for (at = stack[--depth]; at >= 0; at = frusta[at].child) {
+                int branch;
+                skeleton->build.order[done++] = at;
+                for (branch = frusta[at].branch; branch >= 0; branch = frusta[branch].sibling) stack[depth++] = branch;
+            }
+        }
+    }
+    return done == skeleton->count ? CONEMAP_OK : CONEMAP_ERROR_CYCLE;
+}
+
+/* What stays as it was built: the map's v along the chains, and the roots' frames. */
+static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+    conemap_frustum *frusta = skeleton->build.frusta;
+    int i, k;
+    for (i = 0; i < skeleton->count; ++i) {
+        int segment = skeleton->build.order[i], parent = frusta[segment].parent, least = 0;
+        conemap__bone *bone = &skeleton->build.bones[segment];
+        conemap__limb limb;
+        conemap__set_limb(skeleton, desc->joints, segment, &limb);
+        if (conemap__bits(frusta[segment].v_size) << 1 == 0)
+            frusta[segment].v_size = desc->v_per_length > 0.0f ? (float)(limb.h * (double)desc->v_per_length) : 1.0f;
+        if (parent >= 0 && desc->v_per_length > 0.0f)
+            frusta[segment].v_start = frusta[parent].v_start + frusta[parent].v_size;
+        if (!conemap__in_range(frusta[segment].v_start, -1e9f, 1e9f) ||
+            !conemap__in_range(frusta[segment].v_size, -1e9f, 1e9f))
+            return CONEMAP_ERROR_PARAMETER;
+        if (parent >= 0) continue;
+        for (k = 1; k < 3; ++k)
+            if (conemap__absd(limb.y[k]) < conemap__absd(limb.y[least])) least = k;
+        limb.x[least] = 1.0; /* z across the axis and the world axis that it leans to least */
+        conemap__cross3(limb.x, limb.y, limb.z);
+        conemap__normalise3(limb.z);
+        for (k = 0; k < 3; ++k) {
+            bone->rest_y[k] = (float)limb.y[k];
+            bone->rest_z[k] = (float)limb.z[k];
+        }
+    }
+    return CONEMAP_OK;
+}
+
+CONEMAP__INLINE float conemap__box_middle(const conemap_skeleton *skeleton, int segment, int axis) {
+    const float *box = skeleton->build.boxes[segment];
+    return 0.5f * box[axis] + 0.5f * box[3 + axis];
+}
+
+/* Moves the half of leaves[first .. last] with the lower middles along an axis to the front (quickselect). */
+static void conemap__halve_leaves(conemap_skeleton *skeleton, int first, int last, int axis) {
+    int *leaves = skeleton->build.leaves, middle = first + (last - first + 1) / 2;
+    while (first < last) {
+        float pivot = conemap__box_middle(skeleton, leaves[first + (last - first) / 2], axis);
+        int i = first, j = last;
+        while (i <= j) {
+            while (conemap__box_middle(skeleton, leaves[i], axis) < pivot) ++i;
+            while (conemap__box_middle(skeleton, leaves[j], axis) > pivot) --j;
+            if (i <= j) {
+                int keep = leaves[i];
+                leaves[i++] = leaves[j];
+                leaves[j--] = keep;
+            }
+        }
+        if (middle <= j) last = j;
+        else if (middle >= i) first = i;
+        else return;
+    }
+}
+
+/* The tree over the boxes as built: halves by count, so it is as deep as log2(count); later only refitted. */
+static void conemap__plant(conemap_skeleton *skeleton) {
+    struct { int first, count, parent; } stack[40];
+    int depth = 0, i, k;
+    for (i = 0; i < skeleton->count; ++i) skeleton->build.leaves[i] = i;
+    skeleton->build.nodes = 0;
+    stack[depth].first = 0;
+    stack[depth].count = skeleton->count;
+    stack[depth++].parent = -1;
+    while (depth > 0) {
+        int first = stack[--depth].first, count = stack[depth].count, axis = 0;
+        int at = skeleton->build.nodes++;
+        conemap__node *node = &skeleton->build.tree[at];
+        if (stack[depth].parent >= 0) skeleton->build.tree[stack[depth].parent].next = at;
+        node->count = count <= CONEMAP__LEAF ? count : 0;
+        node->next = first;
+        if (node->count) continue;
+        for (k = 0; k < 3; ++k) {
+            node->low[k] = CONEMAP__FAR;
+            node->high[k] = -CONEMAP__FAR;
+            for (i = first; i < first + count; ++i) {
+                float middle = conemap__box_middle(skeleton, skeleton->build.leaves[i], k);
+                node->low[k] = conemap__min(node->low[k], middle);
+                node->high[k] = conemap__max(node->high[k], middle);
+            }
+            if (node->high[k] - node->low[k] > node->high[axis] - node->low[axis]) axis = k;
+        }
+        conemap__halve_leaves(skeleton, first, first + count - 1, axis);
+        stack[depth].first = first + count / 2; /* the second child: pushed first, so that the first one follows its parent */
+        stack[depth].count = count - count / 2;
+        stack[depth++].parent = at;
+        stack[depth].first = first;
+        stack[depth].count = count / 2;
+        stack[depth++].parent = -1;
+    }
+}
+
+static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+    unsigned char *cursor;
+    size_t count, size;
+    conemap_result result;
+    if (!desc->joints || !desc->segments) return CONEMAP_ERROR_NULL;
+    if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    result = conemap__skeleton_size(desc, &size);
+    if (result != CONEMAP_OK) return result;
+    if (desc->fit_steps < 0 || desc->fit_steps > 64 || !conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
+        !conemap__in_range(desc->blend, 0.0f, 16.0f))
+        return CONEMAP_ERROR_PARAMETER;
+    skeleton->build.allocator = desc->allocator;
+    result = conemap__take(&skeleton->build.allocator, desc->memory, desc->memory_size, size, &skeleton->build.memory,
+                           &skeleton->build.owns_memory);
+    if (result != CONEMAP_OK) return result;
+    memset(skeleton->build.memory, 0, size);
+    count = (size_t)desc->segment_count;
+    cursor = (unsigned char *)skeleton->build.memory;
+    skeleton->build.frusta = (conemap_frustum *)conemap__cut(&cursor, count, sizeof(conemap_frustum));
+    skeleton->build.bones = (conemap__bone *)conemap__cut(&cursor, count, sizeof(conemap__bone));
+    skeleton->build.tree = (conemap__node *)conemap__cut(&cursor, 2 * count, sizeof(conemap__node));
+    skeleton->build.order = (int *)conemap__cut(&cursor, count, sizeof(int));
+    skeleton->build.leaves = (int *)conemap__cut(&cursor, count, sizeof(int));
+    skeleton->build.boxes = (float(*)[6])conemap__cut(&cursor, count, 6 * sizeof(float));
+    skeleton->frusta = skeleton->build.frusta;
+    skeleton->count = desc->segment_count;
+    skeleton->memory_size = size;
+    skeleton->build.joint_count = desc->joint_count;
+    skeleton->build.fit_steps = desc->fit_steps;
+    skeleton->build.slope_normals = desc->slope_normals;
+    skeleton->build.blend = desc->blend;
+    result = conemap__read_segments(desc, skeleton);
+    if (result == CONEMAP_OK) result = conemap__check_joints(skeleton, desc->joints);
+    if (result == CONEMAP_OK) result = conemap__order_segments(skeleton, desc->joints);
+    if (result == CONEMAP_OK) result = conemap__rest(desc, skeleton);
+    if (result != CONEMAP_OK) return result;
+    conemap__skin(skeleton, desc->joints);
+    conemap__plant(skeleton);
+    conemap__refit(skeleton);
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_build(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+    conemap_result result;
+    if (!skeleton) return CONEMAP_ERROR_NULL;
+    memset(skeleton, 0, sizeof *skeleton);
+    if (!desc) return CONEMAP_ERROR_NULL;
+    result = conemap__build_skeleton(desc, skeleton);
+    if (result != CONEMAP_OK) conemap_skeleton_free(skeleton);
+    return result;
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, const conemap_joint *joints) {
+    conemap_result result;
+    if (!skeleton || !skeleton->frusta || !joints) return CONEMAP_ERROR_NULL;
+    result = conemap__check_joints(skeleton, joints);
+    if (result != CONEMAP_OK) return result;
+    conemap__skin(skeleton, joints);
+    conemap__refit(skeleton);
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF void conemap_skeleton_free(conemap_skeleton *skeleton) {
+    if (!skeleton) return;
+    conemap__release(&skeleton->build.allocator, skeleton->build.memory, skeleton->build.owns_memory);
+    memset(skeleton, 0, sizeof *skeleton);
+}
+
+/* ---- relief in the shell ---------------------------------------------------------------------------- */
+
+/* A ray between the outer and the inner frustum. */
+typedef struct conemap__shell {
+    const conemap_frustum *f;
+    const conemap_map *map;
+    conemap__local_ray ray;
+    int linear;             /* v goes straight from v_a at t_a to v_b at t_b */
+    double t_a, t_b, v_a, v_b;
+    /* what bounds the parametrisation's speed along the ray: see conemap__shell_bounds */
+    double across, turning, nearest; /* |(x, z)'|^2, x' z - x z', and when d is least */
+    double angle_moves_cut, fixed_speed, span;
+} conemap__shell;
+
+/* The map's bilinear cell at a place of the frustum, and where in it. */
+static conemap__quad conemap__relief_quad(const conemap_map *map, const conemap_frustum *f, double u, double v,
+                                          double *x, double *y) {
+    int i, j;
+    v = conemap__clamp01(v);
+    i = conemap__enter_axis((u + v * (double)f->twist) * (double)f->u_repeat, map->info.width, map->info.wrap_u, x);
+    j = conemap__enter_axis((double)f->v_start + v * (double)f->v_size, map->info.height, map->info.wrap_v, y);
+    return conemap__cell_quad(map, i, j);
+}
+
+static conemap__mix conemap__relief(const conemap_map *map, const conemap_frustum *f, double u, double v) {
+    double x, y;
+    conemap__quad quad = conemap__relief_quad(map, f, u, v, &x, &y);
+    return conemap__sample_sectors(map, quad, (float)x, (float)y);
+}
+
+CONEMAP__INLINE void conemap__along(const conemap__local_ray *ray, double t, double *p) {
+    p[0] = ray->o[0] + t * ray->v[0];
+    p[1] = ray->o[1] + t * ray->v[1];
+    p[2] = ray->o[2] + t * ray->v[2];
+}
+
+/* u, v, w of the ray at t: exactly, or v interpolated as [BJCW09 section 3] proposes. (Its linear ri and ro are exact, as y is linear
+   along a ray.) */
+static conemap__place_uvw conemap__shell_at(const conemap__shell *shell, double t) {
+    conemap__place_uvw at;
+    const conemap_frustum *f = shell->f;
+    double p[3];
+    conemap__along(&shell->ray, t, p);
+    if (!shell->linear) return conemap__uvw(f, p);
+    memset(&at, 0, sizeof at);
+    at.d = sqrt(p[0] * p[0] + p[2] * p[2]);
+    at.thickness = (double)f->t + (double)f->tk * p[1];
+    at.w = at.d - ((double)f->r + (double)f->k * p[1]);
+    if (at.thickness > 0.0) at.w /= at.thickness;
+    at.u = conemap__turns(p[0], p[2]);
+    at.v = shell->v_a + (shell->v_b - shell->v_a) * ((t - shell->t_a) / (shell->t_b - shell->t_a));
+    return at;
+}
+
+/* How far the ray is above the relief, in heights. */
+static double conemap__above_relief(const conemap__shell *shell, double t) {
+    conemap__place_uvw at = conemap__shell_at(shell, t);
+    return at.w - (double)conemap__relief(shell->map, shell->f, at.u, at.v).height;
+}
+
+/* One piece for every 45 degrees between the cutting planes: the paper subdivides the segment, here its rays are. */
+static int conemap__pieces(const conemap_frustum *f) {
+    double al = (double)f->lower[0], bl = (double)f->lower[1], au = (double)f->upper[0], bu = (double)f->upper[1];
+    double c = (1.0 + al * au + bl * bu) / sqrt((1.0 + al * al + bl * bl) * (1.0 + au * au + bu * bu));
+    return c >= 0.7071 ? 1 : c >= 0.0 ? 2 : c >= -0.7071 ? 3 : 4;
+}
+
+/* Equal steps, then halvings [BJCW09 section 3]. The relief is met at t1 if `solid`. -1: not met. */
+static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0, double t1,
+                                   int solid, int *steps) {
+    double before = t0, t = t0;
+    int pieces = desc->linear_v && t1 > t0 ? conemap__pieces(shell->f) : 0, piece = 0, k, n;
+    for (k = 0; k <= desc->steps; ++k) {
+        t = k < desc->steps ? t0 + (t1 - t0) * ((double)k / (double)desc->steps) : t1;
+        while (piece < pieces && (piece == 0 || t > shell->t_b)) {
+            shell->linear = 0;
+            shell->t_a = t0 + (t1 - t0) * ((double)piece / (double)pieces);
+            ++piece;
+            shell->t_b = piece < pieces ? t0 + (t1 - t0) * ((double)piece / (double)pieces) : t1;
+            shell->v_a = conemap__shell_at(shell, shell->t_a).v;
+            shell->v_b = conemap__shell_at(shell, shell->t_b).v;
+            shell->linear = shell->t_b > shell->t_a;
+        }
+        ++*steps;
+        if ((solid && k == desc->steps) || conemap__above_relief(shell, t) <= 0.0) {
+            if (k == 0) return t;
+            for (n = 0; n < desc->refine_steps; ++n) {
+                double middle = 0.5 * (before + t);
+                if (conemap__above_relief(shell, middle) > 0.0) before = middle;
+                else t = middle;
+            }
+            return t;
+        }
+        before = t;
+    }
+    return -1.0;
+}
+
+/* What bounds how fast the map's coordinates change along a ray of the shell, for cone steps.
+
+   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. A cut y = (c + s r) / (1 - k s) moves with the angle at
+   |r + k c| / (1 - k s)^2 times |ds/dangle| <= the plane's slope n, and with w at n thickness / (1 - k n); w itself moves at no
+   more than (|(x, z)'| + (|k| + |tk|) |y'|) / thickness. v = (y - lower) / (upper - lower) then moves at no more than
+   (|y'| + the faster cut) / the least upper - lower, and that span is
+   (c_u - c_l + d_l (s_u - s_l)) / (1 - k s_u) for d_l, the distance from the axis at the lower cut. */
+static void conemap__shell_bounds(conemap__shell *shell) {
+    const conemap_frustum *f = shell->f;
+    conemap__cone inner = conemap__cone_at(f, 0.0), outer = conemap__cone_at(f, 1.0);
+    double n_lower = sqrt((double)f->lower[0] * (double)f->lower[0] + (double)f->lower[1] * (double)f->lower[1]);
+    double n_upper = sqrt((double)f->upper[0] * (double)f->upper[0] + (double)f->upper[1] * (double)f->upper[1]);
+    double da = (double)f->upper[0] - (double)f->lower[0], db = (double)f->upper[1] - (double)f->lower[1];
+    double k = conemap__maxd(conemap__absd(inner.k), conemap__absd(outer.k)), n = conemap__maxd(n_lower, n_upper);
+    double rest = 1.0 - k * n, widest = conemap__maxd(inner.r, outer.r), vy = conemap__absd(shell->ray.v[1]), reach, speed;
+    double c = conemap__maxd(conemap__absd((double)f->lower[2]), conemap__absd((double)f->upper[2]));
+    double thickest = (double)f->t, thinnest = (double)f->t;
+    shell->across = shell->ray.v[0] * shell->ray.v[0] + shell->ray.v[2] * shell->ray.v[2];
+    shell->turning = conemap__absd(shell->ray.v[0] * shell->ray.o[2] - shell->ray.o[0] * shell->ray.v[2]);
+    shell->nearest = shell->across > 0.0
+                         ? -(shell->ray.o[0] * shell->ray.v[0] + shell->ray.o[2] * shell->ray.v[2]) / shell->across
+                         : 0.0;
+    shell->angle_moves_cut = n > 0.0 ? n * (widest + k * c) / (rest * rest) : 0.0;
+    reach = conemap__maxd(outer.r + outer.k * (double)f->lower[2], inner.r + inner.k * (double)f->lower[2]);
+    reach /= 1.0 - k * n_lower; /* d_l at most */
+    shell->span = ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
+    if (f->tk < 0.0f || f->tk > 0.0f) {
+        double low = (double)f->t + (double)f->tk * conemap__reach(f->lower, outer, 0);
+        double high = (double)f->t + (double)f->tk * conemap__reach(f->upper, outer, 1);
+        thickest = conemap__maxd(low, high);
+        thinnest = conemap__mind(low, high);
+    }
+    if (n > 0.0 && !(thinnest > 0.0)) shell->span = 0.0; /* w has no bound */
+    speed = sqrt(shell->across) + (k + conemap__absd((double)f->tk)) * vy;
+    shell->fixed_speed = vy + (n > 0.0 && thinnest > 0.0 ? n * thickest / rest * (speed / thinnest) : 0.0);
+}
+
+/* Bounds |d(map_u, map_v)/dt| in the map's metric from t to t1; NEVER if there is no bound. */
+static double conemap__map_speed(const conemap__shell *shell, double t, double t1) {
+    const conemap_frustum *f = shell->f;
+    double p[3], d2, at, u, v, turning;
+    at = shell->nearest < t ? t : shell->nearest > t1 ? t1 : shell->nearest;
+    conemap__along(&shell->ray, at, p);
+    d2 = p[0] * p[0] + p[2] * p[2];
+    if (!(shell->span > 0.0) || !(d2 > 0.0)) return CONEMAP__NEVER;
+    turning = shell->turning / d2;
+    v = (shell->fixed_speed + shell->angle_moves_cut * turning) / shell->span;
+    u = (turning * 0.15915494309189535 + v * conemap__absd((double)f->twist)) * (double)f->u_repeat;
+    v *= conemap__absd((double)f->v_size) * (double)shell->map->info.aspect;
+    return sqrt(u * u + v * v);
+}
+
+/* Cone steps. At t the ray is g = d - ri - T (h + 2^-20) above the cone's apex, in the world's units, with T the shell's
+   thickness: d is convex along a ray and the rest linear, so g(t + dt) >= g + g' dt. The cone over the map bounds the relief by
+   h + 2^-20 + |map way| / tan, and the way by speed dt. So nothing is met while g + g' dt > T speed dt / tan, with the largest T to
+   come: dt = tan g / (T speed - tan g'). No step is shorter than one of the equal steps, so the march ends. */
+static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0, double t1,
+                                   int solid, int *steps) {
+    const conemap_frustum *f = shell->f;
+    double before = t0, t = t0, least = (t1 - t0) / (double)desc->steps, over_end;
+    int n;
+    conemap__shell_bounds(shell);
+    over_end = (double)f->t + (double)f->tk * (shell->ray.o[1] + t1 * shell->ray.v[1]);
+    for (;;) {
+        conemap__place_uvw at = conemap__shell_at(shell, t);
+        conemap__mix mix = conemap__relief(shell->map, f, at.u, at.v);
+        double apex = (double)mix.height + (double)CONEMAP__APEX_SLACK, tangent = (double)mix.tangent, g, slope, closing, step;
+        ++*steps;
+        if (at.w <= (double)mix.height || (solid && t >= t1)) {
+            if (t <= t0) return t;
+            for (n = 0; n < desc->refine_steps; ++n) {
+                double middle = 0.5 * (before + t);
+                if (conemap__above_relief(shell, middle) > 0.0) before = middle;
+                else t = middle;
+            }
+            return t;
+        }
+        if (t >= t1) return -1.0;
+        g = (at.w - apex) * at.thickness;
+        slope = at.sine * shell->ray.v[0] + at.cosine * shell->ray.v[2] -
+                ((double)f->k + (double)f->tk * apex) * shell->ray.v[1];
+        closing = conemap__maxd(at.thickness, over_end) * conemap__map_speed(shell, t, t1) - tangent * slope;
+        step = g > 0.0 ? closing > 0.0 ? tangent * g / closing : CONEMAP__NEVER : 0.0;
+        before = t;
+        t += conemap__maxd(step, least);
+        if (t > t1) t = t1;
+    }
+}
+
+/* ---- tracing ---------------------------------------------------------------------------------------- */
+
+/* What a ray has met so far. */
+typedef struct conemap__found {
+    double t;
+    int segment, face, inside, steps;
+} conemap__found;
+
+/* Meets one segment's surface before found->t, if it does. */
+static void conemap__trace_segment(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                   const conemap__world_ray *world, int segment, conemap__found *found) {
+    const conemap_frustum *f = &skeleton->frusta[segment];
+    conemap__shell shell;
+    double t0 = world->t0, t1 = found->t, end, inner0, inner1, t;
+    int face, inner_face, solid;
+    shell.ray = conemap__local(f, world->o, world->v);
+    if (!desc->map || (f->t <= 0.0f && f->tk <= 0.0f)) {
+        conemap__cone plain = conemap__cone_at(f, desc->map ? 0.0 : (double)desc->height);
+        if (!conemap__solid_span(f, plain, &shell.ray, &t0, &t1, &face)) return;
+        t = t0;
+    } else {
+        inner0 = t0;
+        inner1 = t1;
+        solid = conemap__solid_span(f, conemap__cone_at(f, 0.0), &shell.ray, &inner0, &inner1, &inner_face);
+        if (!conemap__solid_span(f, conemap__cone_at(f, 1.0), &shell.ray, &t0, &t1, &face)) {
+            if (!solid) return; /* inner without outer: by rounding, where there is no shell */
+            t0 = inner0;
+            face = inner_face;
+        }
+        end = solid ? inner0 : t1;
+        if (end < t0) end = t0;
+        shell.f = f;
+        shell.map = desc->map;
+        shell.linear = 0;
+        shell.t_a = shell.t_b = shell.v_a = shell.v_b = 0.0;
+        t = desc->march == CONEMAP_MARCH_CONES ? conemap__march_cones(&shell, desc, t0, end, solid, &found->steps)
+                                               : conemap__march_steps(&shell, desc, t0, end, solid, &found->steps);
+        if (t < 0.0) return;
+        if (t > t0) face = 0;
+    }
+    if (!(t < found->t) && found->segment >= 0) return;
+    found->t = t;
+    found->segment = segment;
+    found->face = face;
+    found->inside = t <= world->t0;
+}
+
+/* When the ray enters a box; NEVER if it does not before `until`. */
+CONEMAP__INLINE double conemap__enter_box(const conemap__node *node, const conemap__world_ray *ray, const double *inverse,
+                                          double until) {
+    double t0 = ray->t0, t1 = until;
+    int k;
+    for (k = 0; k < 3; ++k) {
+        double a = ((double)node->low[k] - ray->o[k]) * inverse[k], b = ((double)node->high[k] - ray->o[k]) * inverse[k];
+        t0 = conemap__maxd(t0, conemap__mind(a, b));
+        t1 = conemap__mind(t1, conemap__maxd(a, b));
+    }
+    return t0 <= t1 ? t0 : CONEMAP__NEVER;
+}
+
+static void conemap__walk_tree(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                               const conemap__world_ray *ray, conemap__found *found) {
+    const conemap__node *tree = skeleton->build.tree;
+    struct { int node; double t; } stack[64];
+    double inverse[3];
+    int depth = 0, k;
+    for (k = 0; k < 3; ++k) inverse[k] = ray->v[k] != 0.0 ? 1.0 / ray->v[k] : 1e200;
+    stack[0].node = 0;
+    stack[0].t = conemap__enter_box(&tree[0], ray, inverse, found->t);
+    if (stack[0].t < CONEMAP__NEVER) depth = 1;
+    while (depth > 0) {
+        const conemap__node *node = &tree[stack[--depth].node];
+        int first, second, keep;
+        double t_first, t_second, keep_t;
+        if (stack[depth].t > found->t) continue;
+        if (node->count) {
+            for (k = 0; k < node->count; ++k) {
+                conemap__trace_segment(skeleton, desc, ray, skeleton->build.leaves[node->next + k], found);
+                if (found->segment >= 0 && desc->any_hit) return;
+            }
+            continue;
+        }
+        first = (int)(node - tree) + 1;
+        second = node->next;
+        t_first = conemap__enter_box(&tree[first], ray, inverse, found->t);
+        t_second = conemap__enter_box(&tree[second], ray, inverse, found->t);
+        if (t_second < t_first) {
+            keep = first;
+            first = second;
+            second = keep;
+            keep_t = t_first;
+            t_first = t_second;
+            t_second = keep_t;
+        }
+        if (t_second < CONEMAP__NEVER) {
+            stack[depth].node = second;
+            stack[depth++].t = t_second;
+        }
+        if (t_first < CONEMAP__NEVER) {
+            stack[depth].node = first;
+            stack[depth++].t = t_first;
+        }
+    }
+}
+
+/* Unit normals of a segment's surface near a point, in the world: the shading normal and the true one. The surface is
+   w = height(u, v), so its normal is grad w less the map's slopes times the gradients of the map's coordinates; the shading
+   normal puts [BJCW09 eq. 8]'s direction in grad w's place. Returns how far the point is outside, in the world's units. */
+static double conemap__normals(const conemap_frustum *f, const conemap_skeleton_trace_desc *desc, const double *p,
+                               conemap__place_uvw *at, double smooth[3], double plain[3]) {
+    double grad_u[3], grad_v[3], grad_w[3], steep, n[3], height = desc->map ? 0.0 : (double)desc->height;
+    int k;
+    *at = conemap__uvw(f, p);
+    conemap__uvw_gradients(f, at, grad_u, grad_v, grad_w);
+    steep = sqrt(conemap__dot3(grad_w, grad_w));
+    conemap__smooth_normal(f, at, n);
+    for (k = 0; k < 3; ++k) n[k] *= steep;
+    if (desc->map && at->thickness > 0.0 && at->d > 1e-9 * (double)f->h) {
+        double x, y, by_u, by_v;
+        conemap__quad quad = conemap__relief_quad(desc->map, f, at->u, at->v, &x, &y);
+        conemap__corners h = conemap__gather(desc->map->heights, quad);
+        height = (double)conemap__bilinear(h, (float)x, (float)y);
+        by_u = ((double)h.h10 - (double)h.h00) * (1.0 - y) + ((double)h.h11 - (double)h.h01) * y;
+        by_v = ((double)h.h01 - (double)h.h00) * (1.0 - x) + ((double)h.h11 - (double)h.h10) * x;
+        by_u *= (double)desc->map->info.width * (double)f->u_repeat; /* per turn, twist apart */
+        by_v *= (double)desc->map->info.height * (double)f->v_size;
+        by_v += by_u * (double)f->twist;
+        for (k = 0; k < 3; ++k) {
+            double slope = by_u * grad_u[k] + by_v * grad_v[k];
+            grad_w[k] -= slope;
+            n[k] -= slope;
+        }
+    }
+    conemap__gradient_to_world(f, grad_w, plain);
+    conemap__gradient_to_world(f, n, smooth);
+    conemap__normalise3(plain);
+    conemap__normalise3(smooth);
+    return at->thickness > 0.0 ? (at->w - height) * at->thickness : at->w;
+}
+
+/* Adds the normal of a segment that comes near a point: as much as the point's own where it lies on both surfaces, nothing
+   from `reach` away. `branch`: the segment begins inside the other one, and counts only above its foot. */
+static void conemap__mix_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
+                                const double *point, double reach, int branch, double *sum) {
+    const conemap_frustum *f = &skeleton->frusta[segment];
+    conemap__place_uvw at;
+    double p[3], smooth[3], plain[3], away, weight = 1.0;
+    int k;
+    conemap__to_local(f, point, p);
+    if (branch) weight = conemap__clamp01(4.0 * p[1] / ((double)f->r + (double)f->t));
+    if (!(weight > 0.0) || p[1] > (double)f->h + reach || p[1] < -reach - (double)f->h) return;
+    away = conemap__normals(f, desc, p, &at, smooth, plain);
+    if (away >= reach) return;
+    away = away > 0.0 ? 1.0 - away / reach : 1.0;
+    weight *= away * away * (3.0 - 2.0 * away);
+    for (k = 0; k < 3; ++k) sum[k] += weight * smooth[k];
+}
+
+/* The segment of a chain that a point is beside, a few segments up or down from `segment`. */
+static int conemap__beside(const conemap_frustum *frusta, int segment, const double *point) {
+    int step;
+    for (step = 0; step < CONEMAP__CHAIN; ++step) {
+        const conemap_frustum *f = &frusta[segment];
+        double p[3];
+        conemap__to_local(f, point, p);
+        if (p[1] > (double)f->upper[0] * p[0] + (double)f->upper[1] * p[2] + (double)f->upper[2] && f->child >= 0)
+            segment = f->child;
+        else if (p[1] < (double)f->lower[0] * p[0] + (double)f->lower[1] * p[2] + (double)f->lower[2] && f->parent >= 0 &&
+                 !(f->flags & CONEMAP_FRUSTUM_BRANCH))
+            segment = f->parent;
+        else
+            break;
+    }
+    return segment;
+}
+
+/* Mixes in the branches that leave a segment's top, but not `except`. */
+static void conemap__mix_branches(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
+                                  int except, const double *point, double *sum) {
+    const conemap_frustum *frusta = skeleton->frusta;
+    int branch;
+    for (branch = frusta[segment].branch; branch >= 0; branch = frusta[branch].sibling) {
+        int beside = branch != except ? conemap__beside(frusta, branch, point) : -1;
+        if (beside >= 0)
+            conemap__mix_normal(skeleton, desc, beside, point,
+                                (double)skeleton->build.blend * ((double)frusta[branch].r + (double)frusta[branch].t),
+                                beside == branch, sum);
+    }
+}
+
+/* Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the branches that leave the
+   segment's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its other branches. */
+static void conemap__blend_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
+                                  const double *point, double *normal) {
+    const conemap_frustum *frusta = skeleton->frusta;
+    int at, step;
+    for (at = frusta[segment].child, step = 1; at >= 0 && step < CONEMAP__CHAIN; at = frusta[at].child, ++step)
+        conemap__mix_branches(skeleton, desc, at, -1, point, normal);
+    for (at = segment, step = 0; at >= 0 && step < CONEMAP__CHAIN; at = frusta[at].parent, ++step) {
+        conemap__mix_branches(skeleton, desc, at, -1, point, normal);
+        if (frusta[at].flags & CONEMAP_FRUSTUM_BRANCH) {
+            int parent = frusta[at].parent;
+            conemap__mix_normal(skeleton, desc, conemap__beside(frusta, parent, point), point,
+                                (double)skeleton->build.blend * ((double)frusta[at].r + (double)frusta[at].t), 0, normal);
+            conemap__mix_branches(skeleton, desc, parent, at, point, normal);
+            break;
+        }
+    }
+}
+
+static void conemap__put_surface(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                 const conemap__world_ray *ray, const conemap__found *found, conemap_skeleton_hit *hit) {
+    static const int ends_freely[3] = {0, CONEMAP_FRUSTUM_ROOT | CONEMAP_FRUSTUM_BRANCH | CONEMAP_FRUSTUM_CLAMPED_LOWER,
+                                       CONEMAP_FRUSTUM_TIP | CONEMAP_FRUSTUM_CLAMPED_UPPER};
+    const conemap_frustum *f = &skeleton->frusta[found->segment];
+    conemap__place_uvw at;
+    double point[3], p[3], smooth[3], plain[3], v;
+    int k;
+    for (k = 0; k < 3; ++k) {
+        point[k] = ray->o[k] + found->t * ray->v[k];
+        hit->position[k] = (float)point[k];
+    }
+    conemap__to_local(f, point, p);
+    conemap__normals(f, desc, p, &at, smooth, plain);
+    if (f->flags & ends_freely[found->face]) { /* elsewhere a plane that shows is the rounding of a seam */
+        const float *plane = found->face == 1 ? f->lower : f->upper;
+        double n[3], sign = found->face == 1 ? -1.0 : 1.0;
+        n[0] = -sign * (double)plane[0];
+        n[1] = sign;
+        n[2] = -sign * (double)plane[1];
+        conemap__gradient_to_world(f, n, plain);
+        conemap__normalise3(plain);
+        memcpy(smooth, plain, sizeof smooth);
+        hit->cap = found->face;
+    } else if (skeleton->build.blend > 0.0f) {
+        conemap__blend_normal(skeleton, desc, found->segment, point, smooth);
+        conemap__normalise3(smooth);
+    }
+    v = conemap__clamp01(at.v);
+    hit->u = (float)at.u;
+    hit->v = (float)v;
+    hit->w = (float)at.w;
+    hit->map_u = (float)((at.u + v * (double)f->twist) * (double)f->u_repeat);
+    hit->map_v = (float)((double)f->v_start + v * (double)f->v_size);
+    for (k = 0; k < 3; ++k) {
+        hit->normal[k] = (float)smooth[k];
+        hit->true_normal[k] = (float)plain[k];
+    }
+}
+
+/* Checks trace settings and writes their defaults out. */
+static conemap_result conemap__resolve_skeleton_trace(conemap_skeleton_trace_desc *desc) {
+    const conemap_map *map = desc->map;
+    int by_steps;
+    if (!CONEMAP__KNOWN(desc->march, CONEMAP_MARCH_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (!conemap__in_range(desc->height, 0.0f, 1.0f) || desc->steps < 0 || desc->steps > (1 << 20) ||
+        desc->refine_steps < 0 || desc->refine_steps > 64)
+        return CONEMAP_ERROR_PARAMETER;
+    if (map && (!map->heights || !map->cones)) return CONEMAP_ERROR_NULL;
+    if (map && (map->info.wrap_u != CONEMAP_WRAP || (map->info.wrap_v == CONEMAP_NOTHING && map->info.height > 1)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    by_steps = desc->linear_v || (map && (map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
+                                          map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR));
+    if (by_steps && desc->march == CONEMAP_MARCH_CONES) return CONEMAP_ERROR_UNSUPPORTED;
+    if (desc->march == CONEMAP_MARCH_DEFAULT) desc->march = by_steps ? CONEMAP_MARCH_STEPS : CONEMAP_MARCH_CONES;
+    if (desc->steps == 0) desc->steps = desc->march == CONEMAP_MARCH_CONES ? 256 : 64;
+    if (desc->refine_steps == 0) desc->refine_steps = 10;
+    return CONEMAP_OK;
+}
+
+static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                        const conemap_ray *ray, conemap_skeleton_hit *hit) {
+    conemap__world_ray world = conemap__prepare_ray(ray);
+    conemap__found found;
+    double t;
+    memset(&found, 0, sizeof found);
+    found.t = world.t1;
+    found.segment = -1;
+    conemap__walk_tree(skeleton, desc, &world, &found);
+    memset(hit, 0, sizeof *hit);
+    hit->segment = found.segment;
+    hit->steps = found.steps;
+    t = found.t * world.scale;
+    hit->t = t < 3.0e38 ? (float)t : conemap__from_bits(0x7f800000u);
+    if (found.segment < 0) {
+        hit->status = found.t < CONEMAP__NEVER ? CONEMAP_T_MAX : CONEMAP_LEFT;
+        return;
+    }
+    hit->status = CONEMAP_HIT;
+    hit->inside = found.inside;
+    if (!desc->any_hit) conemap__put_surface(skeleton, desc, &world, &found, hit);
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
+                                                   const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
+                                                   conemap_skeleton_hit *hits, int count) {
+    conemap_skeleton_trace_desc resolved;
+    conemap_result result;
+    int k;
+    if (!skeleton || !skeleton->frusta || ((!rays || !hits) && count != 0)) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&resolved, 0, sizeof resolved);
+    if (desc) resolved = *desc;
+    result = conemap__resolve_skeleton_trace(&resolved);
+    if (result != CONEMAP_OK) return result;
+    for (k = 0; k < count; ++k) {
+        conemap_result ray_result = conemap__check_ray(&rays[k]);
+        if (ray_result == CONEMAP_OK) {
+            conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], &hits[k]);
+        } else {
+            memset(&hits[k], 0, sizeof hits[k]);
+            hits[k].status = CONEMAP_INVALID;
+            hits[k].segment = -1;
+            if (result == CONEMAP_OK) result = ray_result;
+        }
+    }
+    return result;
+}
+
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT DEFAULT
 #elif defined(__GNUC__)
@@ -6494,6 +8342,12 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
 #undef CONEMAP__PIECE_SIZE
 #undef CONEMAP__PIECES
 #undef CONEMAP__NAME_SIZE
+#undef CONEMAP__STEEPEST
+#undef CONEMAP__CONE_ROOM
+#undef CONEMAP__FOLD
+#undef CONEMAP__FARTHEST
+#undef CONEMAP__LEAF
+#undef CONEMAP__CHAIN
 
 #endif /* CONEMAP_IMPLEMENTATION */
 

@@ -11,6 +11,39 @@ static int header_progress(double done, void *user)
     return done > 2.0;
 }
 
+static int header_skeleton(void)
+{
+    conemap_joint joints[2] = {{{0, 0, 0}, 1, 0}, {{0, 2, 0}, 1, 0}};
+    conemap_segment segment;
+    conemap_skeleton_desc desc;
+    conemap_skeleton skeleton;
+    conemap_ray ray = {{0, 1, 5}, {0, 0, -1}, 0, 0};
+    conemap_skeleton_hit hit;
+    float corners[8][3], span[2], uvw[3], point[3] = {0, 1, 1};
+    size_t size;
+    int wrong = 0;
+
+    memset(&segment, 0, sizeof segment);
+    memset(&desc, 0, sizeof desc);
+    segment.top = 1;
+    segment.parent = -1;
+    desc.joints = joints;
+    desc.joint_count = 2;
+    desc.segments = &segment;
+    desc.segment_count = 1;
+    wrong |= conemap_skeleton_memory(&desc, &size) != CONEMAP_OK;
+    wrong |= conemap_skeleton_build(&desc, &skeleton) != CONEMAP_OK;
+    if (wrong) return 0;
+    wrong |= conemap_skeleton_update(&skeleton, joints) != CONEMAP_OK;
+    wrong |= conemap_frustum_corners(skeleton.frusta, corners) != CONEMAP_OK || conemap_frustum_triangles()[35] != 0;
+    wrong |= conemap_frustum_uvw(skeleton.frusta, point, uvw) != CONEMAP_OK;
+    wrong |= conemap_frustum_point(skeleton.frusta, uvw, point) != CONEMAP_OK;
+    wrong |= conemap_frustum_span(skeleton.frusta, 0.0f, &ray, span) != CONEMAP_OK || span[0] != 4.0f;
+    wrong |= conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) != CONEMAP_OK || hit.t != 4.0f;
+    conemap_skeleton_free(&skeleton);
+    return !wrong;
+}
+
 static float header_cone(const float heights[4])
 {
     conemap_desc desc;
@@ -50,6 +83,7 @@ static float header_cone(const float heights[4])
     wrong |= conemap_load(bytes, conemap_save_size(&map), NULL, &loaded) != CONEMAP_OK;
     wrong |= conemap_get_format_numbers(&info.texture, &numbers) != CONEMAP_OK;
     wrong |= strcmp(conemap_result_string(CONEMAP_OK), "no error") != 0;
+    wrong |= !header_skeleton();
     conemap_free(&loaded);
     conemap_free(&map);
     return wrong ? -1.0f : cone;

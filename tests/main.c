@@ -94,6 +94,7 @@ int main(int argument_count, char **arguments)
         {"directional", directional_tests},
         {"kernels", kernels_tests},
         {"emit", emit_tests},
+        {"frusta", frusta_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;

@@ -1,0 +1,1343 @@
+/* Relief-mapped frusta: rays against a convex search in double precision, bounds, seams, relief against dense marching, the
+   equations of [BJCW09], bad inputs. The environment's FRUSTA_RAYS asks for more than the quick number of rays. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "conemap.h"
+#include "test.h"
+#include "truth.h"
+#include "zoo.h"
+
+#define TURN 6.283185307179586
+
+static int ray_count(int quick)
+{
+    const char *text = getenv("FRUSTA_RAYS");
+    const long wanted = text ? strtol(text, NULL, 10) : 0;
+    return wanted > 0 && wanted < 1000000000 ? (int)wanted : quick;
+}
+
+/* ---- what a packed frustum means, told a second time ------------------------------------------------------ */
+
+static double dot(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static void cross(const double *a, const double *b, double *out)
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+static double unit(double *a)
+{
+    const double length = sqrt(dot(a, a));
+    int k;
+    for (k = 0; k < 3 && length > 0; ++k) a[k] /= length;
+    return length;
+}
+
+static void local_point(const conemap_frustum *f, const double *p, double *out)
+{
+    const float *rows[3];
+    int r, k;
+    rows[0] = f->axis_x;
+    rows[1] = f->axis_y;
+    rows[2] = f->axis_z;
+    for (r = 0; r < 3; ++r) {
+        out[r] = 0;
+        for (k = 0; k < 3; ++k) out[r] += (double)rows[r][k] * (p[k] - (double)rows[k][3]);
+    }
+}
+
+/* Below 0 inside, in lengths, and convex along any straight line. */
+static double outside(const conemap_frustum *f, double height, const double *world)
+{
+    double p[3], rho, far_out, plane;
+    local_point(f, world, p);
+    rho = (double)f->r + height * (double)f->t + ((double)f->k + height * (double)f->tk) * p[1];
+    far_out = sqrt(p[0] * p[0] + p[2] * p[2]) - rho;
+    plane = (double)f->lower[0] * p[0] + (double)f->lower[1] * p[2] + (double)f->lower[2] - p[1];
+    if (plane > far_out) far_out = plane;
+    plane = p[1] - (double)f->upper[0] * p[0] - (double)f->upper[1] * p[2] - (double)f->upper[2];
+    return plane > far_out ? plane : far_out;
+}
+
+struct line {
+    double o[3], v[3];
+};
+
+static double outside_at(const conemap_frustum *f, double height, const struct line *line, double t)
+{
+    double p[3];
+    int k;
+    for (k = 0; k < 3; ++k) p[k] = line->o[k] + t * line->v[k];
+    return outside(f, height, p);
+}
+
+/* Where the line is as low as it gets between a and b. */
+static double lowest(const conemap_frustum *f, double height, const struct line *line, double a, double b)
+{
+    int i;
+    for (i = 0; i < 130; ++i) {
+        const double c = a + (b - a) * 0.381966, d = b - (b - a) * 0.381966;
+        if (outside_at(f, height, line, c) <= outside_at(f, height, line, d)) b = d;
+        else a = c;
+    }
+    return 0.5 * (a + b);
+}
+
+/* Where it passes `level` between `low`, below it, and `high`, above it. */
+static double passes(const conemap_frustum *f, double height, const struct line *line, double low, double high, double level)
+{
+    int i;
+    if (outside_at(f, height, line, high) <= level) return high;
+    for (i = 0; i < 80; ++i) {
+        const double middle = 0.5 * (low + high);
+        if (outside_at(f, height, line, middle) <= level) low = middle;
+        else high = middle;
+    }
+    return low;
+}
+
+/* ---- skeletons --------------------------------------------------------------------------------------------- */
+
+enum shape { CYLINDERS, TAPERED, POINTED, THIN, BENT, FLARED, SHAPES };
+
+struct chain {
+    conemap_joint joints[16];
+    conemap_segment segments[16];
+    conemap_skeleton_desc desc;
+};
+
+static float spread(struct zoo_random *random, float by)
+{
+    return zoo_between(random, -by, by);
+}
+
+/* A random chain of a kind; `bend` is how far directions may turn aside, as a share of the length. */
+static void make_chain(struct zoo_random *random, int shape, float bend, int count, struct chain *chain)
+{
+    float direction[3] = {0, 1, 0}, length = shape == THIN ? 3000.0f : shape == FLARED ? 0.6f : 3.0f;
+    float radius = shape == THIN ? 0.01f : 0.5f;
+    int i, k;
+    memset(chain, 0, sizeof *chain);
+    for (k = 0; k < 3; ++k) {
+        chain->joints[0].position[k] = spread(random, 3.0f);
+        direction[k] += spread(random, 1.0f);
+    }
+    for (i = 0; i <= count; ++i) {
+        conemap_joint *joint = &chain->joints[i];
+        joint->radius = shape == CYLINDERS || shape == BENT ? radius : radius * zoo_between(random, 0.4f, 1.6f);
+        if (shape == TAPERED) joint->radius = radius * (1.0f - (float)i / (float)(count + 1));
+        if (shape == POINTED && (i == count || (i == 0 && count > 1))) joint->radius = 0;
+        joint->thickness = shape == CYLINDERS ? 0.3f * radius : shape == POINTED ? 0.3f * joint->radius : radius * zoo_unit(random);
+        if (i == 0) continue;
+        for (k = 0; k < 3; ++k) {
+            direction[k] += spread(random, bend);
+            joint->position[k] = chain->joints[i - 1].position[k] + length * direction[k];
+        }
+        chain->segments[i - 1].base = i - 1;
+        chain->segments[i - 1].top = i;
+        chain->segments[i - 1].parent = i - 2;
+    }
+    chain->desc.joints = chain->joints;
+    chain->desc.joint_count = count + 1;
+    chain->desc.segments = chain->segments;
+    chain->desc.segment_count = count;
+}
+
+static int random_skeleton(struct zoo_random *random, struct chain *chain, conemap_skeleton *skeleton)
+{
+    const int shape = zoo_below(random, SHAPES);
+    const float bends[] = {0.0f, 1e-7f, 1e-3f, 0.1f, 0.5f, 2.0f};
+    make_chain(random, shape, bends[zoo_below(random, 6)], 1 + zoo_below(random, 6), chain);
+    return CHECK(conemap_skeleton_build(&chain->desc, skeleton) == CONEMAP_OK, "shape %d: %s", shape,
+                 conemap_result_string(conemap_skeleton_build(&chain->desc, skeleton)));
+}
+
+/* A ray that means trouble for a frustum: through it at random, along its axis or its side, from inside, across a tip. */
+static conemap_ray hard_ray(struct zoo_random *random, const conemap_frustum *f)
+{
+    conemap_ray ray;
+    float from[3], to[3], a[3], b[3];
+    const int kind = zoo_below(random, 10);
+    int k;
+    memset(&ray, 0, sizeof ray);
+    from[0] = zoo_unit(random);
+    from[1] = zoo_between(random, -0.2f, 1.2f);
+    from[2] = zoo_below(random, 2) ? 0.0f : zoo_between(random, -0.5f, 2.0f);
+    to[0] = zoo_unit(random);
+    to[1] = zoo_between(random, -0.2f, 1.2f);
+    to[2] = zoo_below(random, 2) ? 0.0f : zoo_between(random, -0.5f, 1.0f);
+    if (kind == 0) to[0] = from[0]; /* along a side, or nearly so */
+    if (kind == 0) to[2] = from[2] = 0.0f;
+    if (conemap_frustum_point(f, from, a) != CONEMAP_OK || conemap_frustum_point(f, to, b) != CONEMAP_OK) {
+        for (k = 0; k < 3; ++k) {
+            a[k] = spread(random, 4.0f);
+            b[k] = spread(random, 4.0f);
+        }
+    }
+    for (k = 0; k < 3; ++k) {
+        const float axis[3] = {f->axis_x[3], f->axis_y[3], f->axis_z[3]};
+        ray.origin[k] = a[k];
+        ray.direction[k] = b[k] - a[k];
+        if (kind == 1) { /* on the axis */
+            ray.origin[k] = axis[k] - f->axis_y[k] * f->h;
+            ray.direction[k] = f->axis_y[k];
+        }
+        if (kind == 2) ray.direction[k] = f->axis_y[k]; /* parallel to it */
+        if (kind == 3) ray.direction[k] = k == 1 ? 1.0f : 0.0f;
+    }
+    if (kind >= 5) /* from before the first point */
+        for (k = 0; k < 3; ++k) ray.origin[k] -= ray.direction[k] * (kind == 9 ? 20.0f : 2.0f);
+    if (!(fabsf(ray.direction[0]) + fabsf(ray.direction[1]) + fabsf(ray.direction[2]) > 1e-12f)) ray.direction[0] = 1.0f;
+    return ray;
+}
+
+/* Compares a span with the convex search; `scale` of the row x, for elliptical sections. */
+static void check_span(const conemap_frustum *f, float height, const conemap_ray *ray, int round, int *hits)
+{
+    struct line line;
+    float span[2];
+    double size = 0, length, reach, a, b, middle, least, grain;
+    int k;
+    if (!CHECK(conemap_frustum_span(f, height, ray, span) == CONEMAP_OK, "round %d: span", round)) return;
+    for (k = 0; k < 3; ++k) {
+        line.o[k] = (double)ray->origin[k];
+        line.v[k] = (double)ray->direction[k];
+        size += fabs(line.o[k] - (double)(k == 0 ? f->axis_x : k == 1 ? f->axis_y : f->axis_z)[3]);
+    }
+    length = sqrt(dot(line.v, line.v));
+    reach = (size + 3.0 * (double)f->h + 20.0 * (fabs((double)f->r) + fabs((double)f->t)) +
+             20.0 * (double)f->h * (fabs((double)f->k) + fabs((double)f->tk))) / length;
+    a = 0;
+    b = reach;
+    middle = lowest(f, (double)height, &line, a, b);
+    least = outside_at(f, (double)height, &line, middle);
+    grain = 4e-7 * (size + length * (double)(span[0] <= span[1] ? span[0] : 0.0f)) + 1e-12;
+    if (span[0] > span[1]) {
+        CHECK(least > -grain, "round %d: missed, %g deep (r %g k %g h %g)", round, -least, (double)f->r, (double)f->k, (double)f->h);
+        return;
+    }
+    ++*hits;
+    if (!CHECK(least <= grain, "round %d: hit from %g to %g, %g away", round, (double)span[0], (double)span[1], least)) return;
+    if (least > -grain) return; /* grazing: anything near is right */
+    {
+        const double soon = passes(f, (double)height, &line, middle, a, grain);
+        const double late = passes(f, (double)height, &line, middle, a, -grain);
+        const double out_soon = passes(f, (double)height, &line, middle, b, -grain);
+        const double out_late = passes(f, (double)height, &line, middle, b, grain);
+        const double fine = 2e-7 * (double)span[1] + 1e-9 / length;
+        CHECK((double)span[0] >= soon - fine && (double)span[0] <= late + fine, "round %d: enters at %.9g, right %.9g..%.9g", round,
+              (double)span[0], soon, late);
+        CHECK((double)span[1] >= out_soon - fine && (double)span[1] <= out_late + fine,
+              "round %d: leaves at %.9g, right %.9g..%.9g", round, (double)span[1], out_soon, out_late);
+    }
+}
+
+static void spans(void)
+{
+    struct zoo_random random = zoo_seed(501);
+    const int rays = ray_count(12000);
+    struct chain chain;
+    conemap_skeleton skeleton;
+    int round, hits = 0;
+    memset(&skeleton, 0, sizeof skeleton);
+    for (round = 0; round < rays; ++round) {
+        conemap_frustum f;
+        conemap_ray ray;
+        if (round % 64 == 0) {
+            conemap_skeleton_free(&skeleton);
+            if (!random_skeleton(&random, &chain, &skeleton)) return;
+        }
+        f = skeleton.frusta[zoo_below(&random, skeleton.count)];
+        ray = hard_ray(&random, &f);
+        if (round % 16 == 0) { /* an elliptical section: another linear map, nothing else */
+            int k;
+            for (k = 0; k < 3; ++k) f.axis_x[k] *= 1.7f;
+        }
+        check_span(&f, round & 1 ? zoo_unit(&random) : 0.0f, &ray, round, &hits);
+    }
+    conemap_skeleton_free(&skeleton);
+    CHECK(hits > rays / 4, "only %d of %d rays hit", hits, rays);
+    test_note("%d rays, %d hits", rays, hits);
+}
+
+/* ---- bounds -------------------------------------------------------------------------------------------------- */
+
+static void contained(void)
+{
+    struct zoo_random random = zoo_seed(502);
+    const unsigned char *triangles = conemap_frustum_triangles();
+    int round, i, n, k, points = 0;
+    for (round = 0; round < 150; ++round) {
+        struct chain chain;
+        conemap_skeleton skeleton;
+        if (!random_skeleton(&random, &chain, &skeleton)) return;
+        for (i = 0; i < skeleton.count; ++i) {
+            const conemap_frustum *f = &skeleton.frusta[i];
+            const double grain = 4e-6 * ((double)f->h + fabs((double)f->axis_x[3]) + fabs((double)f->axis_y[3]) +
+                                         fabs((double)f->axis_z[3]));
+            float corners[8][3];
+            REQUIRE(conemap_frustum_corners(f, corners) == CONEMAP_OK, "corners");
+            for (n = 0; n < 40; ++n) {
+                float uvw[3], p[3];
+                uvw[0] = n & 4 ? (float)zoo_below(&random, 8) / 8.0f : zoo_unit(&random);
+                uvw[1] = n & 1 ? (float)zoo_below(&random, 2) : zoo_unit(&random);
+                uvw[2] = n & 2 ? (float)zoo_below(&random, 2) : zoo_unit(&random);
+                if (!CHECK(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "round %d: no point at %g %g %g", round,
+                           (double)uvw[0], (double)uvw[1], (double)uvw[2]))
+                    continue;
+                ++points;
+                for (k = 0; k < 3; ++k)
+                    CHECK((double)p[k] >= (double)skeleton.low[k] - grain && (double)p[k] <= (double)skeleton.high[k] + grain,
+                          "round %d: outside the box", round);
+                for (k = 0; k < 12; ++k) {
+                    double a[3], b[3], q[3], normal[3], away;
+                    int c;
+                    for (c = 0; c < 3; ++c) {
+                        const double origin = (double)corners[triangles[3 * k]][c];
+                        a[c] = (double)corners[triangles[3 * k + 1]][c] - origin;
+                        b[c] = (double)corners[triangles[3 * k + 2]][c] - origin;
+                        q[c] = (double)p[c] - origin;
+                    }
+                    cross(a, b, normal);
+                    if (unit(normal) < 1e-4 * (double)f->h * ((double)f->r + (double)f->t)) continue; /* shrunk to a line */
+                    away = dot(normal, q);
+                    CHECK(away <= grain, "round %d, segment %d: %g outside triangle %d at u %g v %g w %g, flags %d", round, i, away, k,
+                          (double)uvw[0], (double)uvw[1], (double)uvw[2], (int)f->flags);
+                }
+            }
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    test_note("%d points contained", points);
+}
+
+/* ---- joints -------------------------------------------------------------------------------------------------- */
+
+static double turns_apart(double a, double b)
+{
+    const double d = fabs(a - b);
+    return d - floor(d) < 0.5 ? d - floor(d) : 1.0 - (d - floor(d));
+}
+
+/* Points of one side of a seam in the other side's coordinates. Cylinders and straight chains fit exactly; bent cones as the paper
+   leaves them: u agrees where it is 0, elsewhere as well as growth times bend lets it. */
+static void seams(void)
+{
+    struct zoo_random random = zoo_seed(503);
+    double worst = 0;
+    int round, i, n;
+    for (round = 0; round < 200; ++round) {
+        const int shape = round % 3; /* cylinders, tapered, pointed */
+        const float bend = shape == CYLINDERS ? 0.4f : round & 4 ? 0.2f : 0.0f;
+        struct chain chain;
+        conemap_skeleton skeleton;
+        make_chain(&random, shape, bend, 4, &chain);
+        chain.desc.v_per_length = 0.25f;
+        for (i = 0; i < 4; ++i) chain.segments[i].twist = round & 1 ? 0.3f * (float)i : 0.0f;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        for (i = 0; i + 1 < 4; ++i) {
+            const conemap_frustum *f = &skeleton.frusta[i], *g = &skeleton.frusta[i + 1];
+            const double taper = fabs((double)f->k) + fabs((double)g->k) + fabs((double)f->tk) + fabs((double)g->tk);
+            const double turn = 1.0 - ((double)f->axis_y[0] * (double)g->axis_y[0] + (double)f->axis_y[1] * (double)g->axis_y[1] +
+                                       (double)f->axis_y[2] * (double)g->axis_y[2]);
+            const double allowed = 2e-5 + (shape == CYLINDERS ? 0.0 : 3.0 * taper * sqrt(fabs(turn) * 2.0));
+            if ((f->flags & CONEMAP_FRUSTUM_CLAMPED_UPPER) || (g->flags & CONEMAP_FRUSTUM_CLAMPED_LOWER)) continue;
+            CHECK(f->child == i + 1 && g->parent == i, "links");
+            CHECK(fabsf(f->v_start + f->v_size - g->v_start) < 1e-6f, "v goes on");
+            for (n = 0; n < 16; ++n) {
+                float uvw[3], p[3], back[3];
+                double apart;
+                uvw[0] = n == 0 ? -f->twist : (float)n / 16.0f;
+                uvw[1] = 1.0f;
+                uvw[2] = (float)(n & 1);
+                if (n == 0) uvw[2] = 0.0f;
+                REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
+                CHECK(fabs((double)back[1]) <= 1e-5, "round %d: v is %g beyond the seam", round, (double)back[1]);
+                apart = turns_apart((double)uvw[0] + (double)f->twist, (double)back[0]);
+                CHECK(apart <= (n == 0 ? 2e-5 : allowed), "round %d: u %g apart at the seam, allowed %g", round, apart, allowed);
+                if (apart > worst) worst = apart;
+                CHECK(fabs((double)back[2] - (double)uvw[2]) * ((double)f->t + (double)f->tk * (double)f->h) <= (2e-5 + allowed) * 2.0,
+                      "round %d: the surface is %g apart at the seam", round, (double)back[2] - (double)uvw[2]);
+            }
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    test_note("u at bent cones' seams at most %.4f turns apart", worst);
+}
+
+/* A ray straight at the axis, towards the point (u, v). */
+static conemap_ray ray_at(const conemap_frustum *f, float u, float v, float w)
+{
+    conemap_ray ray;
+    float uvw[3], p[3];
+    int k;
+    memset(&ray, 0, sizeof ray);
+    uvw[0] = u;
+    uvw[1] = v;
+    uvw[2] = w;
+    conemap_frustum_point(f, uvw, p);
+    for (k = 0; k < 3; ++k) {
+        const double angle = TURN * (double)u;
+        ray.direction[k] = (float)(-sin(angle) * (double)f->axis_x[k] - cos(angle) * (double)f->axis_z[k]);
+        ray.origin[k] = p[k] - 3.0f * ray.direction[k];
+    }
+    return ray;
+}
+
+static double apart3(const float *a, const float *b)
+{
+    return sqrt(((double)a[0] - (double)b[0]) * ((double)a[0] - (double)b[0]) + ((double)a[1] - (double)b[1]) * ((double)a[1] - (double)b[1]) +
+                ((double)a[2] - (double)b[2]) * ((double)a[2] - (double)b[2]));
+}
+
+/* [BJCW09 eq. 8]: normals from both sides of a joint agree, and with c1_normals they do not change along v there. */
+static void joint_normals(void)
+{
+    struct zoo_random random = zoo_seed(504);
+    double jump_true = 0;
+    int round, n;
+    for (round = 0; round < 120; ++round) {
+        const int slope = round & 1, c1 = (round >> 1) & 1;
+        struct chain chain;
+        conemap_skeleton skeleton;
+        make_chain(&random, round % 3 ? TAPERED : CYLINDERS, 0.15f, 3, &chain);
+        chain.desc.slope_normals = slope;
+        chain.desc.c1_normals = c1;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        for (n = 0; n < 8; ++n) {
+            const float u = (float)n / 8.0f, step = 1e-3f;
+            conemap_ray rays[4];
+            conemap_skeleton_hit hits[4];
+            rays[0] = ray_at(&skeleton.frusta[0], u, 1.0f - 2.0f * step, 0.0f);
+            rays[1] = ray_at(&skeleton.frusta[0], u, 1.0f - step, 0.0f);
+            rays[2] = ray_at(&skeleton.frusta[1], u, step, 0.0f);
+            rays[3] = ray_at(&skeleton.frusta[1], u, 2.0f * step, 0.0f);
+            REQUIRE(conemap_skeleton_trace(&skeleton, NULL, rays, hits, 4) == CONEMAP_OK, "trace");
+            if (hits[1].segment != 0 || hits[2].segment != 1 || hits[0].segment != 0 || hits[3].segment != 1) continue; /* hidden in a bend */
+            CHECK(apart3(hits[1].normal, hits[2].normal) < 0.03, "round %d: normals jump by %g", round,
+                  apart3(hits[1].normal, hits[2].normal));
+            if (c1) CHECK(apart3(hits[0].normal, hits[1].normal) < 2e-5 && apart3(hits[2].normal, hits[3].normal) < 2e-5,
+                          "round %d: normals change by %g at the joint", round, apart3(hits[0].normal, hits[1].normal));
+            if (apart3(hits[1].true_normal, hits[2].true_normal) > jump_true)
+                jump_true = apart3(hits[1].true_normal, hits[2].true_normal);
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(jump_true > 0.1, "true normals should jump in bends, which shows that the test looks at bends: %g", jump_true);
+}
+
+/* Normals of the crease around a branch's foot come near each other with blend, and not without. */
+static void branch_normals(void)
+{
+    conemap_joint joints[4] = {{{0, 0, 0}, 1, 0}, {{0, 4, 0}, 1, 0}, {{0, 8, 0}, 1, 0}, {{5, 5, 0}, 0.4f, 0}};
+    conemap_segment segments[3];
+    int blend;
+    memset(segments, 0, sizeof segments);
+    segments[0].top = 1;
+    segments[0].parent = -1;
+    segments[1].base = 1;
+    segments[1].top = 2;
+    segments[2].base = 1;
+    segments[2].top = 3;
+    segments[2].radius = 0.5f;
+    for (blend = 0; blend < 2; ++blend) {
+        conemap_skeleton_desc desc;
+        conemap_skeleton skeleton;
+        double jump = 0;
+        int i, crossings = 0, before = -1;
+        float normal[3] = {0, 0, 0}, x = 0;
+        memset(&desc, 0, sizeof desc);
+        desc.joints = joints;
+        desc.joint_count = 4;
+        desc.segments = segments;
+        desc.segment_count = 3;
+        desc.blend = blend ? 1.0f : 0.0f;
+        REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "build");
+        CHECK((skeleton.frusta[2].flags & CONEMAP_FRUSTUM_BRANCH) && skeleton.frusta[0].branch == 2 && skeleton.frusta[0].child == 1,
+              "the branch is one");
+        for (i = 0; i < 4000; ++i) { /* down a line beside the trunk's middle, over the branch and off it again */
+            conemap_ray ray = {{9, 0, 0.2f}, {-1, 0, 0}, 0, 0};
+            conemap_skeleton_hit hit;
+            ray.origin[1] = 2.0f + (float)i * 1e-3f;
+            REQUIRE(conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) == CONEMAP_OK && hit.status == CONEMAP_HIT, "hit");
+            if (before >= 0 && hit.segment != before && (before == 2 || hit.segment == 2) && fabsf(hit.position[0] - x) < 0.05f) {
+                const double step = apart3(normal, hit.normal);
+                if (step > jump) jump = step;
+                ++crossings;
+            }
+            memcpy(normal, hit.normal, sizeof normal);
+            before = hit.segment;
+            x = hit.position[0];
+        }
+        CHECK(crossings >= 1, "the line crosses the crease");
+        CHECK(blend ? jump < 0.02 : jump > 0.3, "normals jump by %g with blend %d", jump, blend);
+        conemap_skeleton_free(&skeleton);
+    }
+}
+
+/* ---- the paper's equations ------------------------------------------------------------------------------------- */
+
+/* Eqs. 3-5 in three dimensions: A and B, where the boundary lines meet, lie on both segments' cutting planes. */
+static void equations_of_the_cut(void)
+{
+    struct zoo_random random = zoo_seed(505);
+    int round, tried = 0;
+    for (round = 0; round < 400; ++round) {
+        struct chain chain;
+        conemap_skeleton skeleton;
+        double m1[3], m2[3], n[3], side, h1, h2;
+        int k;
+        make_chain(&random, TAPERED, 0.3f, 2, &chain);
+        for (k = 0; k < 3; ++k) chain.joints[k].radius = zoo_between(&random, 0.3f, 0.6f);
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        for (k = 0; k < 3; ++k) {
+            m1[k] = (double)chain.joints[1].position[k] - (double)chain.joints[0].position[k];
+            m2[k] = (double)chain.joints[2].position[k] - (double)chain.joints[1].position[k];
+        }
+        h1 = unit(m1);
+        h2 = unit(m2);
+        cross(m1, m2, n);
+        if (unit(n) > 0.25 && skeleton.clamped == 0) { /* well away from parallel boundary lines */
+            ++tried;
+            for (side = -1; side <= 1; side += 2) {
+                const double r0 = (double)chain.joints[0].radius, r1 = (double)chain.joints[1].radius, r2 = (double)chain.joints[2].radius;
+                double o1[3], o2[3], l1[3], l2[3], d1[3], d2[3], w[3], c[3], t, A[3], p[3];
+                cross(m1, n, o1);
+                cross(m2, n, o2);
+                for (k = 0; k < 3; ++k) { /* eq. 4: L1 = C1 - r1 (M1 x Nm), and the other three */
+                    l1[k] = (double)chain.joints[0].position[k] - side * r0 * o1[k];
+                    d1[k] = (double)chain.joints[1].position[k] - side * r1 * o1[k] - l1[k];
+                    l2[k] = (double)chain.joints[1].position[k] - side * r1 * o2[k];
+                    d2[k] = (double)chain.joints[2].position[k] - side * r2 * o2[k] - l2[k];
+                    w[k] = l2[k] - l1[k];
+                }
+                cross(d1, d2, c);
+                if (fabs(dot(c, n)) < 0.1 * h1 * h2) continue;
+                cross(w, d2, p);
+                t = dot(p, n) / dot(c, n);
+                for (k = 0; k < 3; ++k) A[k] = l1[k] + t * d1[k];
+                for (k = 0; k < 2; ++k) {
+                    const conemap_frustum *f = &skeleton.frusta[k];
+                    const float *plane = k ? f->lower : f->upper;
+                    local_point(f, A, p);
+                    CHECK(fabs((double)plane[0] * p[0] + (double)plane[1] * p[2] + (double)plane[2] - p[1]) < 2e-5,
+                          "round %d: A or B is %g off the plane of segment %d", round,
+                          (double)plane[0] * p[0] + (double)plane[1] * p[2] + (double)plane[2] - p[1], k);
+                }
+            }
+            /* eq. 5: the plane's normal lies in the medial plane */
+            CHECK(fabs(((double)skeleton.frusta[0].upper[0] * ((double)skeleton.frusta[0].axis_x[0] * n[0] +
+                                                                (double)skeleton.frusta[0].axis_x[1] * n[1] +
+                                                                (double)skeleton.frusta[0].axis_x[2] * n[2]) +
+                        (double)skeleton.frusta[0].upper[1] * ((double)skeleton.frusta[0].axis_z[0] * n[0] +
+                                                                (double)skeleton.frusta[0].axis_z[1] * n[1] +
+                                                                (double)skeleton.frusta[0].axis_z[2] * n[2]))) < 1e-5,
+                  "round %d: the cutting plane leans out of the medial plane", round);
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(tried > 50, "only %d bends", tried);
+}
+
+/* Eqs. 2, 6, 7, 8, 10, 11, 12 as the paper writes them, with its apex, where it has one. */
+static void equations_of_the_frustum(void)
+{
+    struct zoo_random random = zoo_seed(506);
+    int round, tried = 0, hits = 0;
+    for (round = 0; round < 600; ++round) {
+        struct chain chain;
+        conemap_skeleton skeleton;
+        const conemap_frustum *f;
+        double h, r1, r2, apex, ri, ro, w, d, p[3], world[3], v[2], pl[3], pu[3], e[3], dir[3], a, b, c;
+        float uvw[3], point[3], back[3], span[2];
+        conemap_ray ray;
+        int k;
+        make_chain(&random, TAPERED, 0.2f, 3, &chain);
+        for (k = 0; k < 4; ++k) chain.joints[k].thickness = 0.2f; /* as the paper: both cones grow alike */
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        f = &skeleton.frusta[1];
+        uvw[0] = zoo_unit(&random);
+        uvw[1] = zoo_unit(&random);
+        uvw[2] = zoo_unit(&random);
+        REQUIRE(conemap_frustum_point(f, uvw, point) == CONEMAP_OK, "point");
+        REQUIRE(conemap_frustum_uvw(f, point, back) == CONEMAP_OK, "uvw");
+        for (k = 0; k < 3; ++k) world[k] = (double)point[k];
+        local_point(f, world, p);
+        h = (double)f->h;
+        r1 = (double)f->r;
+        r2 = (double)chain.joints[2].radius;
+        apex = r1 * h / (r1 - r2); /* eq. 2 */
+        d = sqrt(p[0] * p[0] + p[2] * p[2]);
+        ri = r1 * (apex - p[1]) / apex; /* eq. 11 */
+        ro = (r1 + 0.2) * ((r1 + 0.2) * h / (r1 - r2) - p[1]) / ((r1 + 0.2) * h / (r1 - r2));
+        w = (d - ri) / (ro - ri); /* eq. 12 */
+        CHECK(fabs(w - (double)back[2]) < 2e-4 && fabs(w - (double)uvw[2]) < 2e-4, "round %d: w %g, eq. 12 %g", round, (double)back[2], w);
+        CHECK(turns_apart((double)back[0], atan2(p[0], p[2]) / TURN) < 2e-6, "round %d: u %g, eq. 6 %g", round, (double)back[0],
+              atan2(p[0], p[2]) / TURN);
+        /* eq. 7: cut the line from P to the apex of P's own cone with both planes */
+        {
+            const double own = p[1] + d * h / (r1 - r2), line[3] = {-p[0], own - p[1], -p[2]};
+            int side;
+            for (side = 0; side < 2; ++side) {
+                const float *plane = side ? f->upper : f->lower;
+                const double at = (double)plane[0] * p[0] + (double)plane[1] * p[2] + (double)plane[2] - p[1];
+                const double along = line[1] - (double)plane[0] * line[0] - (double)plane[1] * line[2];
+                double *out = side ? pu : pl;
+                for (k = 0; k < 3; ++k) out[k] = p[k] + at / along * line[k];
+            }
+            for (k = 0; k < 3; ++k) {
+                e[k] = p[k] - pl[k];
+                dir[k] = pu[k] - pl[k];
+            }
+            v[0] = sqrt(dot(e, e)) / sqrt(dot(dir, dir));
+        }
+        CHECK(fabs(v[0] - (double)back[1]) < 2e-5, "round %d: v %g, eq. 7 %g", round, (double)back[1], v[0]);
+        /* eq. 8 and eq. 10, against a hit of the inner cone */
+        ray = ray_at(f, uvw[0], uvw[1], 0.0f);
+        for (k = 0; k < 3; ++k) ray.direction[k] += spread(&random, 0.05f);
+        for (k = 0; k < 3; ++k) {
+            world[k] = (double)ray.origin[k];
+            dir[k] = (double)ray.origin[k] + (double)ray.direction[k];
+        }
+        local_point(f, world, e);
+        local_point(f, dir, p);
+        for (k = 0; k < 3; ++k) p[k] -= e[k];
+        a = p[0] * p[0] + p[2] * p[2] - p[1] * p[1] * (r1 / apex) * (r1 / apex);
+        b = 2 * e[0] * p[0] + 2 * e[2] * p[2] - 2 * p[1] * (e[1] - apex) * (r1 / apex) * (r1 / apex);
+        c = e[0] * e[0] + e[2] * e[2] - (e[1] - apex) * (e[1] - apex) * (r1 / apex) * (r1 / apex);
+        REQUIRE(conemap_frustum_span(f, 0.0f, &ray, span) == CONEMAP_OK, "span");
+        ++tried;
+        if (span[0] <= span[1]) {
+            conemap_skeleton_hit hit;
+            const double t = (-b - sqrt(b * b - 4 * a * c)) / (2 * a);
+            double nl[3], nu[3], n[3];
+            REQUIRE(conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) == CONEMAP_OK, "trace");
+            if (hit.segment != 1 || hit.cap) {
+                conemap_skeleton_free(&skeleton);
+                continue;
+            }
+            for (k = 0; k < 3; ++k) world[k] = (double)hit.position[k];
+            local_point(f, world, p);
+            if (fabs(sqrt(p[0] * p[0] + p[2] * p[2]) - r1 - (double)f->k * p[1]) > 1e-4) { /* a cut in a seam's rounding */
+                conemap_skeleton_free(&skeleton);
+                continue;
+            }
+            ++hits;
+            CHECK(fabs(t - (double)hit.t) < 2e-4, "round %d: hit at %g, eq. 10 %g", round, (double)hit.t, t);
+            {
+                const double line[3] = {-p[0], apex - p[1], -p[2]};
+                int side;
+                for (side = 0; side < 2; ++side) {
+                    const float *plane = side ? f->upper : f->lower;
+                    const double at = (double)plane[0] * p[0] + (double)plane[1] * p[2] + (double)plane[2] - p[1];
+                    const double along = line[1] - (double)plane[0] * line[0] - (double)plane[1] * line[2];
+                    double *out = side ? nu : nl;
+                    for (k = 0; k < 3; ++k) out[k] = p[k] + at / along * line[k];
+                }
+                nu[1] -= h;
+                unit(nl);
+                unit(nu);
+                for (k = 0; k < 3; ++k) n[k] = (1 - (double)hit.v) * nl[k] + (double)hit.v * nu[k];
+                unit(n);
+                for (k = 0; k < 3; ++k) {
+                    const double right = n[0] * (double)f->axis_x[k] + n[1] * (double)f->axis_y[k] + n[2] * (double)f->axis_z[k];
+                    CHECK(fabs(right - (double)hit.normal[k]) < 1e-4, "round %d: normal %g, eq. 8 %g", round, (double)hit.normal[k], right);
+                }
+            }
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(hits > tried / 2, "only %d of %d hit", hits, tried);
+}
+
+/* Section 2.2's fit: the two cuts' minor axes agree afterwards, and did not before. */
+static void fit(void)
+{
+    struct zoo_random random = zoo_seed(507);
+    double before = 0, after = 0;
+    int round, steps;
+    for (round = 0; round < 60; ++round) {
+        struct chain chain;
+        make_chain(&random, TAPERED, 0.25f, 2, &chain);
+        for (steps = 0; steps < 3; ++steps) chain.joints[steps].radius = zoo_between(&random, 0.3f, 0.6f);
+        for (steps = 0; steps <= 64; steps += 64) {
+            conemap_skeleton skeleton;
+            double minor[2], normal[3], y1[3], y2[3];
+            int side, k;
+            chain.desc.fit_steps = steps;
+            REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+            for (k = 0; k < 3; ++k) {
+                y1[k] = (double)skeleton.frusta[0].axis_y[k];
+                y2[k] = (double)skeleton.frusta[1].axis_y[k];
+            }
+            cross(y1, y2, normal);
+            /* where boundary lines are nearly parallel, A runs away faster than the radius follows */
+            if (unit(normal) < 1.5 * fabs((double)skeleton.frusta[0].k - (double)skeleton.frusta[1].k) + 0.05 || skeleton.clamped) {
+                conemap_skeleton_free(&skeleton);
+                break;
+            }
+            for (side = 0; side < 2; ++side) { /* the cut's extent along the medial plane's normal, by search */
+                const conemap_frustum *f = &skeleton.frusta[side];
+                const float *plane = side ? f->lower : f->upper;
+                int n;
+                minor[side] = 0;
+                for (n = 0; n < 2000; ++n) {
+                    const double s = sin(TURN * n / 2000), c = cos(TURN * n / 2000), slope = (double)plane[0] * s + (double)plane[1] * c;
+                    const double y = ((double)plane[2] + slope * (double)f->r) / (1 - (double)f->k * slope);
+                    const double rho = (double)f->r + (double)f->k * y;
+                    double across = 0;
+                    for (k = 0; k < 3; ++k)
+                        across += normal[k] * (rho * s * (double)f->axis_x[k] + rho * c * (double)f->axis_z[k]);
+                    if (across > minor[side]) minor[side] = across;
+                }
+            }
+            minor[0] = fabs(minor[0] / minor[1] - 1);
+            if (steps == 0 && minor[0] > before) before = minor[0];
+            if (steps != 0 && minor[0] > after) after = minor[0];
+            conemap_skeleton_free(&skeleton);
+        }
+    }
+    CHECK(before > 0.003, "minor axes differ without the fit: %g", before);
+    CHECK(after < 1e-3, "minor axes differ by %g after the fit", after);
+    test_note("minor axes differ by %.1f %%, fitted %.4f %%", 100 * before, 100 * after);
+}
+
+/* ---- relief ------------------------------------------------------------------------------------------------------ */
+
+#define SIDE 24
+
+static int relief_map(int kind, uint32_t seed, float *heights, conemap_map *map, struct truth_map *truth)
+{
+    conemap_desc desc;
+    memset(&desc, 0, sizeof desc);
+    zoo_fill(kind, SIDE, SIDE, seed, heights);
+    desc.heights.pixels = heights;
+    desc.heights.width = desc.heights.height = SIDE;
+    desc.wrap_u = CONEMAP_WRAP;
+    desc.wrap_v = seed & 1 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+    if (!CHECK(conemap_build(&desc, map) == CONEMAP_OK, "map")) return 0;
+    truth->width = truth->height = SIDE;
+    truth->wrap_u = (int)desc.wrap_u;
+    truth->wrap_v = (int)desc.wrap_v;
+    truth->heights = map->heights;
+    return 1;
+}
+
+/* How far a point of the shell is above the relief, in heights; all in other words than the header's. */
+static double clearance(const conemap_frustum *f, const struct truth_map *truth, const double *world)
+{
+    double p[3], d, w, u, v, low, high, own_r, own_k, s, c, map_v;
+    local_point(f, world, p);
+    d = sqrt(p[0] * p[0] + p[2] * p[2]);
+    w = (d - (double)f->r - (double)f->k * p[1]) / ((double)f->t + (double)f->tk * p[1]);
+    u = atan2(p[0], p[2]);
+    s = sin(u);
+    c = cos(u);
+    own_k = (double)f->k + w * (double)f->tk;
+    own_r = d - own_k * p[1];
+    low = ((double)f->lower[0] * s + (double)f->lower[1] * c);
+    low = ((double)f->lower[2] + low * own_r) / (1 - low * own_k);
+    high = ((double)f->upper[0] * s + (double)f->upper[1] * c);
+    high = ((double)f->upper[2] + high * own_r) / (1 - high * own_k);
+    v = (p[1] - low) / (high - low);
+    v = v < 0 ? 0 : v > 1 ? 1 : v;
+    map_v = (double)f->v_start + v * (double)f->v_size;
+    if (truth->wrap_v != 1) map_v = map_v < 0 ? 0 : map_v > 1 ? 1 : map_v;
+    return w - truth_height(truth, (u / TURN + v * (double)f->twist) * f->u_repeat, map_v);
+}
+
+/* The first place below the relief by dense marching, with how deep it goes within the next stretch; negative: none. */
+static double dense_march(const conemap_frustum *f, const struct truth_map *truth, const struct line *line, double t0, double t1,
+                          int samples, double deep)
+{
+    int k;
+    for (k = 0; k <= samples; ++k) {
+        const double t = t0 + (t1 - t0) * k / samples;
+        double p[3];
+        int c;
+        for (c = 0; c < 3; ++c) p[c] = line->o[c] + t * line->v[c];
+        if (clearance(f, truth, p) < -deep) return t;
+    }
+    return -1;
+}
+
+struct relief_counts {
+    int rays, hits, missed, false_hits;
+    double steps;
+};
+
+static void relief_rays(const conemap_skeleton_trace_desc *trace, int rounds, int rays_each, int samples, double deep,
+                        struct relief_counts *counts)
+{
+    struct zoo_random random = zoo_seed(508);
+    static float heights[SIDE * SIDE];
+    static const int kinds[] = {ZOO_FBM, ZOO_BRICKS, ZOO_SPIKES, ZOO_WHITE, ZOO_CLIFF};
+    int round, n, k;
+    memset(counts, 0, sizeof *counts);
+    for (round = 0; round < rounds; ++round) {
+        struct chain chain;
+        conemap_skeleton skeleton;
+        conemap_map map;
+        struct truth_map truth;
+        conemap_skeleton_trace_desc desc = *trace;
+        const int shape = zoo_below(&random, 3);
+        make_chain(&random, shape, round & 1 ? 0.3f : 0.05f, 3, &chain);
+        chain.joints[0].position[0] = chain.joints[0].position[1] = 0;
+        for (k = 0; k < 3; ++k) {
+            chain.segments[k].twist = round % 3 == 0 ? 0.5f : 0.0f;
+            chain.segments[k].u_repeat = 1 + round % 2;
+        }
+        if (!relief_map(kinds[round % 5], (uint32_t)round, heights, &map, &truth)) return;
+        if (!CHECK(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build")) return;
+        desc.map = &map;
+        for (n = 0; n < rays_each; ++n) {
+            const int segment = zoo_below(&random, 3);
+            const conemap_frustum *f = &skeleton.frusta[segment];
+            conemap_ray ray;
+            conemap_skeleton_hit hit;
+            struct line line;
+            float uvw[3], p[3], q[3], outer[2], inner[2];
+            double end, first;
+            uvw[0] = zoo_unit(&random);
+            uvw[1] = zoo_unit(&random);
+            uvw[2] = 1.0f;
+            conemap_frustum_point(f, uvw, p);
+            uvw[0] += spread(&random, 0.35f);
+            uvw[1] = zoo_unit(&random);
+            uvw[2] = zoo_unit(&random);
+            conemap_frustum_point(f, uvw, q);
+            memset(&ray, 0, sizeof ray);
+            for (k = 0; k < 3; ++k) {
+                ray.direction[k] = q[k] - p[k];
+                ray.origin[k] = p[k] - 0.25f * ray.direction[k];
+                line.o[k] = (double)ray.origin[k];
+                line.v[k] = (double)ray.direction[k];
+            }
+            if (apart3(p, q) < 1e-3) continue;
+            conemap_frustum_span(f, 1.0f, &ray, outer);
+            conemap_frustum_span(f, 0.0f, &ray, inner);
+            if (outer[0] > outer[1]) continue;
+            ++counts->rays;
+            end = inner[0] <= inner[1] ? (double)inner[0] : (double)outer[1];
+            /* this segment only: the ray stops where it leaves it */
+            ray.t_min = outer[0];
+            ray.t_max = (float)end;
+            if (!(ray.t_max > ray.t_min)) continue;
+            REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) == CONEMAP_OK, "trace");
+            counts->steps += hit.steps;
+            first = dense_march(f, &truth, &line, (double)outer[0], end, samples, deep);
+            if (hit.status == CONEMAP_HIT) ++counts->hits;
+            if (hit.status == CONEMAP_HIT && hit.segment == segment && !hit.inside) { /* what is reported is on the relief */
+                double at[3], before[3], gap, gap_before;
+                const double back = 1e-3 * (end - (double)outer[0]) + 2e-6;
+                for (k = 0; k < 3; ++k) {
+                    at[k] = line.o[k] + ((double)hit.t + 2e-6) * line.v[k];
+                    before[k] = line.o[k] + ((double)hit.t - back) * line.v[k];
+                }
+                gap = clearance(f, &truth, at);
+                gap_before = clearance(f, &truth, before);
+                if (gap > 2e-3 && (double)hit.t < end - 1e-4 && !(gap_before > -1e-3)) ++counts->false_hits;
+                if (gap > 0.02 && (double)hit.t < end - 1e-4) ++counts->false_hits;
+            }
+            if (first >= 0 && !(hit.status == CONEMAP_HIT && (double)hit.t <= first + 1e-5 * (end + 1))) ++counts->missed;
+        }
+        conemap_skeleton_free(&skeleton);
+        conemap_free(&map);
+    }
+}
+
+/* Steps as dense as the reference find what it finds. */
+static void relief_by_steps(void)
+{
+    conemap_skeleton_trace_desc desc;
+    struct relief_counts fine, coarse;
+    memset(&desc, 0, sizeof desc);
+    desc.march = CONEMAP_MARCH_STEPS;
+    desc.steps = 1500;
+    relief_rays(&desc, 10, 60, 500, 2e-3, &fine);
+    CHECK(fine.hits > fine.rays / 4, "%d of %d hit", fine.hits, fine.rays);
+    CHECK(fine.missed == 0, "%d of %d missed with dense steps", fine.missed, fine.rays);
+    CHECK(fine.false_hits == 0, "%d false hits", fine.false_hits);
+    desc.steps = 8;
+    relief_rays(&desc, 10, 60, 500, 2e-3, &coarse);
+    CHECK(coarse.missed > 0, "eight steps must miss something, or the test is blind");
+}
+
+/* Cone steps pass over nothing: with the least step so short that it does not matter, none is missed; and with the same cones read as
+   if they were three times as wide, some are. */
+static void relief_by_cones(void)
+{
+    conemap_skeleton_trace_desc desc;
+    struct relief_counts counts;
+    const int more = ray_count(0) > 0 ? 10 : 1;
+    memset(&desc, 0, sizeof desc);
+    desc.march = CONEMAP_MARCH_CONES;
+    desc.steps = 1 << 12;
+    relief_rays(&desc, 15 * more, 80, 600, 1e-4, &counts);
+    CHECK(counts.missed == 0, "%d of %d missed by cone steps", counts.missed, counts.rays);
+    CHECK(counts.false_hits == 0, "%d false hits", counts.false_hits);
+    CHECK(counts.steps / counts.rays < 2000, "%g steps a ray: the cones do nothing", counts.steps / counts.rays);
+    test_note("cones: %.0f steps a ray, 4096 equal ones", counts.steps / counts.rays);
+}
+
+/* Where the cutting planes are parallel and the shell's rays are in no hurry, the paper's linear v is right. */
+static void linear_v(void)
+{
+    static float heights[SIDE * SIDE];
+    struct zoo_random random = zoo_seed(509);
+    struct chain chain;
+    struct truth_map truth;
+    conemap_map map;
+    int bent, n;
+    REQUIRE(relief_map(ZOO_FBM, 3, heights, &map, &truth), "map");
+    for (bent = 0; bent < 2; ++bent) {
+        conemap_skeleton skeleton;
+        double worst = 0;
+        int k;
+        make_chain(&random, CYLINDERS, 0.0f, 3, &chain);
+        if (bent) chain.joints[2].position[0] += 3.0f;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        for (n = 0; n < 300; ++n) {
+            conemap_skeleton_trace_desc desc;
+            conemap_skeleton_hit exact, linear;
+            conemap_ray ray;
+            memset(&desc, 0, sizeof desc);
+            desc.map = &map;
+            desc.march = CONEMAP_MARCH_STEPS;
+            ray = ray_at(&skeleton.frusta[1], zoo_unit(&random), zoo_unit(&random), 1.0f);
+            for (k = 0; k < 3; ++k) ray.direction[k] += spread(&random, 0.2f);
+            REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &exact, 1) == CONEMAP_OK, "trace");
+            desc.linear_v = 1;
+            REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &linear, 1) == CONEMAP_OK, "trace");
+            if (exact.status != CONEMAP_HIT || linear.status != CONEMAP_HIT) continue;
+            if (fabs((double)exact.t - (double)linear.t) > worst) worst = fabs((double)exact.t - (double)linear.t);
+        }
+        CHECK(bent ? worst > 1e-4 : worst < 1e-5, "%s: exact and linear differ by %g", bent ? "bent" : "straight", worst);
+        conemap_skeleton_free(&skeleton);
+    }
+    conemap_free(&map);
+}
+
+/* The normal of a relief hit is the gradient of the clearance. */
+static void relief_normals(void)
+{
+    static float heights[SIDE * SIDE];
+    struct zoo_random random = zoo_seed(510);
+    struct chain chain;
+    struct truth_map truth;
+    conemap_map map;
+    conemap_skeleton skeleton;
+    conemap_skeleton_trace_desc desc;
+    int n, k, checked = 0;
+    memset(&desc, 0, sizeof desc);
+    REQUIRE(relief_map(ZOO_FBM, 5, heights, &map, &truth), "map");
+    make_chain(&random, TAPERED, 0.3f, 3, &chain);
+    for (k = 0; k < 3; ++k) chain.segments[k].twist = 0.2f;
+    REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+    desc.map = &map;
+    for (n = 0; n < 400; ++n) {
+        conemap_skeleton_hit hit;
+        double gradient[3], off = 0;
+        conemap_ray ray = ray_at(&skeleton.frusta[1], zoo_unit(&random), zoo_unit(&random), 1.0f);
+        REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) == CONEMAP_OK, "trace");
+        if (hit.status != CONEMAP_HIT || hit.segment != 1 || hit.cap || hit.v < 0.02f || hit.v > 0.98f) continue;
+        for (k = 0; k < 3; ++k) {
+            double a[3], b[3];
+            int c;
+            for (c = 0; c < 3; ++c) a[c] = b[c] = (double)hit.position[c];
+            a[k] -= 1e-5;
+            b[k] += 1e-5;
+            gradient[k] = clearance(&skeleton.frusta[1], &truth, b) - clearance(&skeleton.frusta[1], &truth, a);
+        }
+        unit(gradient);
+        for (k = 0; k < 3; ++k) off += fabs(gradient[k] - (double)hit.true_normal[k]);
+        checked += off < 5e-3;
+        if (off >= 5e-3) --checked; /* across a cell's border the difference quotient is of neither */
+    }
+    CHECK(checked > 150, "normals agree with the gradient %d times more than not", checked);
+    conemap_skeleton_free(&skeleton);
+    conemap_free(&map);
+}
+
+/* ---- many segments, updates -------------------------------------------------------------------------------------- */
+
+static void make_tree(struct zoo_random *random, int count, conemap_joint *joints, conemap_segment *segments, conemap_skeleton_desc *desc)
+{
+    int i, k;
+    memset(desc, 0, sizeof *desc);
+    memset(segments, 0, (size_t)count * sizeof *segments);
+    memset(joints, 0, (size_t)(count + 1) * sizeof *joints);
+    joints[0].radius = 0.3f;
+    for (i = 0; i < count; ++i) {
+        const int parent = i == 0 ? -1 : zoo_below(random, i);
+        const int base = parent < 0 ? 0 : segments[parent].top;
+        segments[i].base = base;
+        segments[i].top = i + 1;
+        segments[i].parent = parent;
+        for (k = 0; k < 3; ++k) joints[i + 1].position[k] = joints[base].position[k] + spread(random, 2.0f);
+        joints[i + 1].radius = 0.05f + 0.2f * zoo_unit(random);
+        joints[i + 1].thickness = 0.05f;
+    }
+    desc->joints = joints;
+    desc->joint_count = count + 1;
+    desc->segments = segments;
+    desc->segment_count = count;
+}
+
+enum { TREE = 300 };
+
+/* The tree of boxes finds what a loop over all segments finds, also after joints moved. */
+static void tree_of_boxes(void)
+{
+    struct zoo_random random = zoo_seed(511);
+    static conemap_joint joints[TREE + 1];
+    static conemap_segment segments[TREE];
+    conemap_skeleton_desc desc;
+    conemap_skeleton skeleton;
+    int n, i, k, moved, hits = 0;
+    make_tree(&random, TREE, joints, segments, &desc);
+    REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "build");
+    for (moved = 0; moved < 2; ++moved) {
+        if (moved) {
+            for (i = 0; i <= TREE; ++i)
+                for (k = 0; k < 3; ++k) joints[i].position[k] += spread(&random, 0.5f);
+            REQUIRE(conemap_skeleton_update(&skeleton, joints) == CONEMAP_OK, "update");
+        }
+        for (n = 0; n < 800; ++n) {
+            conemap_ray ray;
+            conemap_skeleton_hit hit, any;
+            conemap_skeleton_trace_desc trace;
+            float first = 1e30f;
+            memset(&ray, 0, sizeof ray);
+            memset(&trace, 0, sizeof trace);
+            for (k = 0; k < 3; ++k) {
+                ray.origin[k] = n % 3 ? spread(&random, 20.0f) : joints[zoo_below(&random, TREE)].position[k];
+                ray.direction[k] = (n % 5 ? 0.0f : spread(&random, 1.0f)) + joints[zoo_below(&random, TREE)].position[k] - ray.origin[k];
+            }
+            if (n % 7 == 0) {
+                memset(ray.direction, 0, sizeof ray.direction);
+                ray.direction[n % 3] = 1;
+            }
+            if (n % 11 == 0) ray.t_max = zoo_between(&random, 0.1f, 2.0f);
+            for (i = 0; i < TREE; ++i) {
+                float span[2];
+                REQUIRE(conemap_frustum_span(&skeleton.frusta[i], 0.0f, &ray, span) == CONEMAP_OK, "span");
+                if (span[0] <= span[1] && span[0] < first) first = span[0];
+            }
+            REQUIRE(conemap_skeleton_trace(&skeleton, &trace, &ray, &hit, 1) == CONEMAP_OK, "trace");
+            trace.any_hit = 1;
+            REQUIRE(conemap_skeleton_trace(&skeleton, &trace, &ray, &any, 1) == CONEMAP_OK, "trace");
+            CHECK((hit.status == CONEMAP_HIT) == (first < 1e30f), "ray %d: %d, by a loop %g", n, (int)hit.status, (double)first);
+            CHECK((any.status == CONEMAP_HIT) == (hit.status == CONEMAP_HIT), "ray %d: any hit differs", n);
+            if (hit.status != CONEMAP_HIT) {
+                CHECK(hit.status == (ray.t_max > 0 ? CONEMAP_T_MAX : CONEMAP_LEFT), "ray %d: status %d", n, (int)hit.status);
+                continue;
+            }
+            ++hits;
+            CHECK(hit.t == first, "ray %d: at %.9g, by a loop %.9g", n, (double)hit.t, (double)first);
+            CHECK(any.t >= hit.t, "ray %d: any hit is before the first", n);
+        }
+    }
+    CHECK(hits > 400, "only %d hits", hits);
+    conemap_skeleton_free(&skeleton);
+}
+
+static void updates(void)
+{
+    struct zoo_random random = zoo_seed(512);
+    static conemap_joint joints[TREE + 1], moved[TREE + 1];
+    static conemap_segment segments[TREE];
+    static conemap_frustum rest[TREE];
+    conemap_skeleton_desc desc;
+    conemap_skeleton skeleton, other;
+    size_t size;
+    void *memory;
+    int i, k;
+    make_tree(&random, TREE, joints, segments, &desc);
+    desc.v_per_length = 1.0f;
+    REQUIRE(conemap_skeleton_memory(&desc, &size) == CONEMAP_OK, "memory");
+    memory = test_alloc(size);
+    desc.memory = memory;
+    desc.memory_size = size;
+    REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "build");
+    memcpy(rest, skeleton.frusta, sizeof rest);
+    memcpy(moved, joints, sizeof moved);
+    for (i = 0; i <= TREE; ++i)
+        for (k = 0; k < 3; ++k) moved[i].position[k] += spread(&random, 0.3f);
+    REQUIRE(conemap_skeleton_update(&skeleton, moved) == CONEMAP_OK, "update");
+    CHECK(memcmp(rest, skeleton.frusta, sizeof rest) != 0, "frusta moved");
+    for (i = 0; i < TREE; ++i)
+        CHECK(rest[i].v_size == skeleton.frusta[i].v_size && rest[i].v_start == skeleton.frusta[i].v_start, "v stays");
+    moved[17].position[1] = (float)NAN;
+    CHECK(conemap_skeleton_update(&skeleton, moved) == CONEMAP_ERROR_JOINT, "NaN");
+    moved[17] = joints[17];
+    moved[segments[40].base] = moved[segments[40].top];
+    CHECK(conemap_skeleton_update(&skeleton, moved) == CONEMAP_ERROR_LENGTH, "no length");
+    CHECK(conemap_skeleton_update(&skeleton, joints) == CONEMAP_OK, "back");
+    CHECK(memcmp(rest, skeleton.frusta, sizeof rest) == 0, "there and back again gives the same bits");
+    desc.memory = NULL;
+    REQUIRE(conemap_skeleton_build(&desc, &other) == CONEMAP_OK, "build");
+    CHECK(memcmp(rest, other.frusta, sizeof rest) == 0, "a build gives the same bits");
+    conemap_skeleton_free(&other);
+    conemap_skeleton_free(&skeleton);
+    test_release(memory);
+}
+
+/* A full turn of bending must not make textures jump: from frame to frame u on the surface moves as little as the joints do. */
+static void no_popping(void)
+{
+    struct chain chain;
+    struct zoo_random random = zoo_seed(513);
+    conemap_skeleton skeleton;
+    conemap_frustum before[2];
+    double worst = 0;
+    int n, k, i;
+    make_chain(&random, TAPERED, 0.0f, 2, &chain);
+    for (k = 0; k < 3; ++k) { /* straight at first, along y */
+        chain.joints[k].position[0] = chain.joints[k].position[2] = 0;
+        chain.joints[k].position[1] = 3.0f * (float)k;
+    }
+    REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+    for (n = 0; n <= 4000; ++n) { /* a spiral out of the straight line and back through it */
+        const double bend = 1.2 * sin(TURN * n / 2000.0), around = TURN * n / 3000.0;
+        chain.joints[2].position[0] = (float)(3 * sin(bend) * cos(around));
+        chain.joints[2].position[1] = (float)(3 + 3 * cos(bend));
+        chain.joints[2].position[2] = (float)(3 * sin(bend) * sin(around));
+        memcpy(before, skeleton.frusta, sizeof before);
+        REQUIRE(conemap_skeleton_update(&skeleton, chain.joints) == CONEMAP_OK, "update");
+        for (i = 0; n > 0 && i < 2; ++i)
+            for (k = 0; k < 8; ++k) {
+                float uvw[3], a[3], b[3];
+                uvw[0] = (float)k / 8.0f;
+                uvw[1] = k & 1 ? 0.9f : 0.1f;
+                uvw[2] = 0.0f;
+                conemap_frustum_point(&before[i], uvw, a);
+                conemap_frustum_point(&skeleton.frusta[i], uvw, b);
+                if (apart3(a, b) > worst) worst = apart3(a, b);
+            }
+    }
+    CHECK(worst < 0.06, "a point of the surface jumps by %g between frames", worst);
+    conemap_skeleton_free(&skeleton);
+}
+
+/* Bends of every angle: none is missed by the flags, frusta stay closed. */
+static void sharp_bends(void)
+{
+    int degrees, clamped_at = 181;
+    for (degrees = 0; degrees <= 180; ++degrees) {
+        const double angle = degrees / 360.0 * TURN;
+        conemap_joint joints[3] = {{{0, 0, 0}, 0.5f, 0.1f}, {{0, 6, 0}, 0.5f, 0.1f}, {{0, 0, 0}, 0.5f, 0.1f}};
+        conemap_segment segments[2];
+        conemap_skeleton_desc desc;
+        conemap_skeleton skeleton;
+        conemap_ray ray = {{0, 6, 9}, {0, 0, -1}, 0, 0};
+        conemap_skeleton_hit hit;
+        int clamped;
+        memset(segments, 0, sizeof segments);
+        memset(&desc, 0, sizeof desc);
+        joints[2].position[0] = (float)(6 * sin(angle));
+        joints[2].position[1] = (float)(6 + 6 * cos(angle));
+        segments[0].top = 1;
+        segments[0].parent = -1;
+        segments[1].base = 1;
+        segments[1].top = 2;
+        desc.joints = joints;
+        desc.joint_count = 3;
+        desc.segments = segments;
+        desc.segment_count = 2;
+        REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "%d degrees", degrees);
+        clamped = skeleton.clamped != 0;
+        if (clamped && clamped_at > degrees) clamped_at = degrees;
+        CHECK(clamped == (degrees >= clamped_at), "%d degrees: clamped %d", degrees, clamped);
+        REQUIRE(conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) == CONEMAP_OK, "trace");
+        CHECK(hit.status == CONEMAP_HIT && fabs((double)hit.position[2] - 0.5) < 0.01, "%d degrees: the joint is hit at z %g", degrees,
+              (double)hit.position[2]);
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(clamped_at > 120 && clamped_at < 150, "bends are clamped from %d degrees", clamped_at);
+    test_note("bends clamped from %d degrees", clamped_at);
+}
+
+/* ---- errors, layout ------------------------------------------------------------------------------------------- */
+
+static void layout(void)
+{
+    const size_t at[6] = {offsetof(conemap_frustum, lower), offsetof(conemap_frustum, r), offsetof(conemap_frustum, h),
+                          offsetof(conemap_frustum, parent), offsetof(conemap_frustum, flags), sizeof(conemap_frustum)};
+    static const size_t right[6] = {48, 80, 96, 112, 128, 144};
+    int k;
+    for (k = 0; k < 6; ++k) CHECK(at[k] == right[k], "row %d at byte %d", k, (int)at[k]);
+}
+
+static conemap_result built(const conemap_skeleton_desc *desc)
+{
+    conemap_skeleton skeleton;
+    conemap_result result;
+    memset(&skeleton, 0x55, sizeof skeleton);
+    result = conemap_skeleton_build(desc, &skeleton);
+    CHECK(result == CONEMAP_OK || (!skeleton.frusta && skeleton.count == 0), "zeroed after an error");
+    conemap_skeleton_free(&skeleton);
+    return result;
+}
+
+#define EXPECT(change, code)                                                                                       \
+    do {                                                                                                           \
+        struct zoo_random again = zoo_seed(9);                                                                     \
+        conemap_result got;                                                                                        \
+        make_chain(&again, CYLINDERS, 0.1f, 4, &chain);                                                            \
+        change;                                                                                                    \
+        got = built(&chain.desc);                                                                                  \
+        CHECK(got == (code), "%s: %s", #change, conemap_result_string(got));                                       \
+    } while (0)
+
+static void *refuse(size_t size, void *user)
+{
+    (void)size;
+    (void)user;
+    return NULL;
+}
+
+static void ignore(void *memory, void *user)
+{
+    (void)memory;
+    (void)user;
+}
+
+static void bad_skeletons(void)
+{
+    struct chain chain;
+    conemap_skeleton skeleton;
+    unsigned char *memory = (unsigned char *)test_alloc(4096);
+    size_t size;
+    EXPECT((void)0, CONEMAP_OK);
+    EXPECT(chain.desc.joints = NULL, CONEMAP_ERROR_NULL);
+    EXPECT(chain.desc.segments = NULL, CONEMAP_ERROR_NULL);
+    EXPECT(chain.desc.allocator.allocate = refuse, CONEMAP_ERROR_NULL);
+    EXPECT((chain.desc.allocator.allocate = refuse, chain.desc.allocator.release = ignore), CONEMAP_ERROR_MEMORY);
+    EXPECT(chain.desc.segment_count = 0, CONEMAP_ERROR_SIZE);
+    EXPECT(chain.desc.segment_count = -1, CONEMAP_ERROR_SIZE);
+    EXPECT(chain.desc.joint_count = 0, CONEMAP_ERROR_SIZE);
+    EXPECT(chain.desc.joint_count = 4, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.desc.fit_steps = 65, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.desc.v_per_length = -1.0f, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.desc.blend = (float)NAN, CONEMAP_ERROR_PARAMETER);
+    EXPECT((chain.desc.memory = memory, chain.desc.memory_size = 16), CONEMAP_ERROR_BUFFER);
+    EXPECT((chain.desc.memory = memory + 4, chain.desc.memory_size = 4000), CONEMAP_ERROR_ALIGNMENT);
+    EXPECT((chain.desc.memory = memory, chain.desc.memory_size = 4096), CONEMAP_OK);
+    EXPECT(chain.joints[2].position[1] = (float)NAN, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.joints[2].position[1] = (float)INFINITY, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.joints[2].position[1] = 1e20f, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.joints[2].radius = (float)NAN, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.joints[2].thickness = (float)INFINITY, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.joints[2].radius = -0.1f, CONEMAP_ERROR_RADIUS);
+    EXPECT(chain.joints[2].thickness = -0.1f, CONEMAP_ERROR_RADIUS);
+    EXPECT(chain.joints[2].radius = 0.0f, CONEMAP_OK);
+    EXPECT((chain.joints[2].radius = chain.joints[3].radius = 0, chain.joints[2].thickness = chain.joints[3].thickness = 0),
+           CONEMAP_ERROR_RADIUS);
+    EXPECT((chain.joints[2].radius = chain.joints[3].radius = 0), CONEMAP_OK);
+    EXPECT(chain.joints[3] = chain.joints[2], CONEMAP_ERROR_LENGTH);
+    EXPECT(chain.segments[2].base = -1, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.segments[3].top = 5, CONEMAP_ERROR_JOINT);
+    EXPECT(chain.segments[2].parent = 4, CONEMAP_ERROR_PARENT);
+    EXPECT(chain.segments[2].parent = 0, CONEMAP_ERROR_PARENT);
+    EXPECT(chain.segments[2].parent = -7, CONEMAP_OK);
+    EXPECT((chain.segments[3].top = 0, chain.segments[0].parent = 3), CONEMAP_ERROR_CYCLE);
+    EXPECT((chain.segments[3].top = 3, chain.segments[3].parent = 3), CONEMAP_ERROR_LENGTH); /* its own parent */
+    EXPECT(chain.segments[2].twist = (float)NAN, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].u_repeat = -1, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].radius = -1.0f, CONEMAP_ERROR_RADIUS);
+    EXPECT(chain.segments[2].v_size = (float)INFINITY, CONEMAP_ERROR_PARAMETER);
+    CHECK(conemap_skeleton_build(NULL, &skeleton) == CONEMAP_ERROR_NULL, "no desc");
+    CHECK(conemap_skeleton_build(&chain.desc, NULL) == CONEMAP_ERROR_NULL, "no skeleton");
+    CHECK(conemap_skeleton_memory(NULL, &size) == CONEMAP_ERROR_NULL && conemap_skeleton_memory(&chain.desc, NULL) == CONEMAP_ERROR_NULL,
+          "memory's pointers");
+    CHECK(conemap_skeleton_update(NULL, chain.joints) == CONEMAP_ERROR_NULL, "no skeleton to update");
+    conemap_skeleton_free(NULL);
+    test_release(memory);
+}
+
+static void bad_traces(void)
+{
+    struct chain chain;
+    struct zoo_random random = zoo_seed(514);
+    static float heights[SIDE * SIDE];
+    struct truth_map truth;
+    conemap_skeleton skeleton;
+    conemap_skeleton_trace_desc desc;
+    conemap_map map, clamped;
+    conemap_desc build;
+    conemap_skeleton_hit hits[2];
+    conemap_ray rays[2] = {{{0, 0, 0}, {0, 0, 0}, 0, 0}, {{50, 50, 50}, {0, 1, 0}, 0, 0}};
+    float span[2], point[3], uvw[3] = {0, 0, 0};
+    make_chain(&random, CYLINDERS, 0.1f, 2, &chain);
+    REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+    REQUIRE(relief_map(ZOO_FBM, 1, heights, &map, &truth), "map");
+    memset(&build, 0, sizeof build);
+    build.heights.pixels = heights;
+    build.heights.width = build.heights.height = SIDE;
+    REQUIRE(conemap_build(&build, &clamped) == CONEMAP_OK, "map");
+    CHECK(conemap_skeleton_trace(&skeleton, NULL, rays, hits, 2) == CONEMAP_ERROR_RAY_DIRECTION && hits[0].status == CONEMAP_INVALID &&
+              hits[1].status == CONEMAP_LEFT,
+          "the good ray is traced");
+    memset(&desc, 0, sizeof desc);
+    desc.height = 1.5f;
+    CHECK(conemap_skeleton_trace(&skeleton, &desc, rays, hits, 2) == CONEMAP_ERROR_PARAMETER, "height");
+    memset(&desc, 0, sizeof desc);
+    desc.march = CONEMAP_MARCH_COUNT;
+    CHECK(conemap_skeleton_trace(&skeleton, &desc, rays, hits, 2) == CONEMAP_ERROR_ENUM, "march");
+    memset(&desc, 0, sizeof desc);
+    desc.map = &clamped;
+    CHECK(conemap_skeleton_trace(&skeleton, &desc, rays, hits, 2) == CONEMAP_ERROR_UNSUPPORTED, "clamped in u");
+    desc.map = &map;
+    desc.march = CONEMAP_MARCH_CONES;
+    desc.linear_v = 1;
+    CHECK(conemap_skeleton_trace(&skeleton, &desc, rays, hits, 2) == CONEMAP_ERROR_UNSUPPORTED, "linear cones");
+    desc.linear_v = 0;
+    desc.steps = -1;
+    CHECK(conemap_skeleton_trace(&skeleton, &desc, rays, hits, 2) == CONEMAP_ERROR_PARAMETER, "steps");
+    CHECK(conemap_skeleton_trace(&skeleton, NULL, rays, hits, -1) == CONEMAP_ERROR_PARAMETER, "count");
+    CHECK(conemap_skeleton_trace(&skeleton, NULL, NULL, hits, 1) == CONEMAP_ERROR_NULL, "rays");
+    CHECK(conemap_skeleton_trace(NULL, NULL, rays, hits, 1) == CONEMAP_ERROR_NULL, "skeleton");
+    CHECK(conemap_frustum_span(skeleton.frusta, -1.0f, rays + 1, span) == CONEMAP_ERROR_PARAMETER, "span height");
+    CHECK(conemap_frustum_span(skeleton.frusta, 0.0f, rays, span) == CONEMAP_ERROR_RAY_DIRECTION, "span ray");
+    CHECK(conemap_frustum_point(NULL, uvw, uvw) == CONEMAP_ERROR_NULL && conemap_frustum_uvw(skeleton.frusta, NULL, uvw) == CONEMAP_ERROR_NULL &&
+              conemap_frustum_corners(NULL, NULL) == CONEMAP_ERROR_NULL,
+          "null");
+    uvw[1] = (float)NAN;
+    CHECK(conemap_frustum_point(skeleton.frusta, uvw, point) == CONEMAP_ERROR_PARAMETER, "NaN v");
+    CHECK(conemap_frustum_uvw(skeleton.frusta, uvw, uvw) == CONEMAP_ERROR_POSITION, "NaN point");
+    conemap_skeleton_free(&skeleton);
+    conemap_free(&map);
+    conemap_free(&clamped);
+}
+
+const struct test_case frusta_tests[] = {
+    {"layout", layout},
+    {"spans", spans},
+    {"contained", contained},
+    {"seams", seams},
+    {"joint normals", joint_normals},
+    {"branch normals", branch_normals},
+    {"equations of the cut", equations_of_the_cut},
+    {"equations of the frustum", equations_of_the_frustum},
+    {"fit", fit},
+    {"relief by steps", relief_by_steps},
+    {"relief by cones", relief_by_cones},
+    {"linear v", linear_v},
+    {"relief normals", relief_normals},
+    {"tree of boxes", tree_of_boxes},
+    {"updates", updates},
+    {"no popping", no_popping},
+    {"sharp bends", sharp_bends},
+    {"bad skeletons", bad_skeletons},
+    {"bad traces", bad_traces},
+    {NULL, NULL},
+};
