@@ -198,6 +198,18 @@ static void bilinear_cones_are_proven(void)
                     }
                 conemap_free(&map);
             }
+    { /* cells beyond a border leave the room that a proof along it needs */
+        conemap_desc desc = make_desc(ZOO_WHITE, 9, 8, 7, 4.0f, 8);
+        conemap_map map;
+        conemap_report report;
+        desc.max_tan = 16.0f;
+        desc.texture.format = CONEMAP_UNORM8;
+        desc.texture.per_cell = 1;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "%s", describe(&desc));
+        REQUIRE(conemap_verify(&map.info, map.heights, map.cones, NULL, &report) == CONEMAP_OK, "verify");
+        CHECK(report.unsafe == 0 && report.unproven == 0, "%s: %d unproven", describe(&desc), (int)report.unproven);
+        conemap_free(&map);
+    }
     CHECK(caught * 3 > widened && caught > 10, "%d of %d planes that are 1 %% too wide are caught", caught, widened);
     test_note("%d cells proven, %d of %d wider planes caught", (int)cells, caught, widened);
 }
