@@ -605,7 +605,8 @@ typedef enum conemap_effect {
     CONEMAP_EFFECT_SHADOW = 1 << 10,   /* 0 or 1: the relief's shadow on itself, exact. Up to one more trace */
     CONEMAP_EFFECT_SOFT_SHADOW = 1 << 11, /* 0..1: the share of the light's disc that is seen. 5 traces or more, for those
                                           few that end in the penumbra. Instead of SHADOW */
-    CONEMAP_EFFECT_OCCLUSION = 1 << 12, /* 0..1: how much of the sky is seen, guessed from the cone. One fetch */
+    CONEMAP_EFFECT_OCCLUSION = 1 << 12, /* 0..1: how much of the sky is seen, guessed from the cone and the stored derivatives. One
+                                          fetch */
     CONEMAP_EFFECT_SKY = 1 << 13,      /* 0..1: the same by horizons in a number of directions. One trace each. Instead of
                                           OCCLUSION */
     CONEMAP_EFFECT_UV = 1 << 14,       /* displaced uv, and the surface's own gradients to sample colour maps with. Free */
@@ -747,8 +748,8 @@ typedef struct conemap_shading {
    Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is cut
    by the horizons in five directions across it, and more where two differ by much: no dithering, no banding.
 
-   OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the rest of the horizon stands half as
-   steep. What it never says is proven by the cone alone: no less than normal_z sin^2 of its half angle is open.
+   OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3 times
+   as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its half angle is open.
 
    Errors: those of conemap_trace; NULL (what a flag needs is missing), PARAMETER, ENUM, UNSUPPORTED (NORMAL with
    SMOOTH_NORMAL, SHADOW with SOFT_SHADOW, OCCLUSION with SKY; unknown bits; HOLES with LOD; levels of differing wraps), of
@@ -5103,11 +5104,14 @@ static conemap_status conemap__fly(conemap__flight *f, int max_steps, int *steps
 
 /* The steepest growth z1, from `low` to `high`, at which the flight still touches what lies under it: the horizon, as seen
    from where it takes off. It flies at `low`; whatever rises above it bends it up to touch, exactly, and so it goes on:
-   what was passed below the lower flight is below the higher one. At `high` there is nothing left to learn. */
-static double conemap__horizon(conemap__flight *f, double low, double high) {
+   what was passed below the lower flight is below the higher one. At `high` there is nothing left to learn, nor where the
+   highest texel could raise the horizon by `grain` at most: on maps that wrap peaks of one height never end. */
+static double conemap__horizon(conemap__flight *f, double low, double high, double grain) {
     f->z1 = low;
     for (;;) {
         double end = conemap__stay(f), next, tangent = 0.0, gap;
+        double above = f->highest - f->z0 - f->z2 * f->t * f->t; /* from above the highest a horizon rises with distance */
+        if (f->z2 >= 0.0 && above <= (f->z1 + grain) * (above > 0.0 ? f->t : f->t_end)) return f->z1;
         int hole = conemap__over_hole(f);
         conemap__quadratic ground = conemap__ground(f, f->cones ? &tangent : NULL), way;
         if (end > f->t_end) end = f->t_end;
@@ -5185,7 +5189,7 @@ typedef struct conemap__disc {
 /* The horizon, -1..1 radii from the disc's middle upwards, in the direction `y` radii to the side. A direction s units of
    height above the light's own is s lift / (1 + s above) off it. */
 static double conemap__disc_horizon(const conemap__place_of *place, const conemap__disc *disc, double y) {
-    double rise, s, x, r = (double)disc->radius, lift = (double)disc->lift, above = (double)disc->above;
+    double rise, down, s, x, r = (double)disc->radius, lift = (double)disc->lift, above = (double)disc->above;
     double height = (double)disc->height;
     conemap__flight f;
     float direction[3];
@@ -5193,19 +5197,19 @@ static double conemap__disc_horizon(const conemap__place_of *place, const conema
     conemap__along(disc->light, (float)y * disc->radius, disc->side, direction);
     rise = conemap__look(place, direction, (double)disc->t_max, &f, &meets);
     if (!meets) return -1.0;
-    s = conemap__horizon(&f, rise - r / ((lift + r * above) * height), rise + r / ((lift - r * above) * height)) - rise;
-    s *= height;
+    down = r / ((lift + r * above) * height);
+    s = (conemap__horizon(&f, rise - down, rise + r / ((lift - r * above) * height), down / 1024.0) - rise) * height;
     x = s * lift / (r * (1.0 + s * above));
     return x < -1.0 ? -1.0 : x > 1.0 ? 1.0 : x;
 }
 
-/* How much of a light's disc is seen: 0..1. light: unit, towards it. The disc is cut by the horizons in five directions;
-   between two that differ by much, such as beside a tower, the edge is sought by halving, so that it moves smoothly. */
+/* How much of a light's disc is seen: 0..1. light: unit, towards it. The disc is cut by the horizons in five directions,
+   and between two that differ by much, such as beside a tower, by more, so that no edge moves by a whole strip at once. */
 static float conemap__soft_shadow(const conemap__place_of *place, const float light[3], float radius, float t_max) {
     conemap__disc disc;
     float up[3];
-    double y0 = -1.0, x0, seen = 0.0, whole = 0.0;
-    int k, n;
+    double y0 = -1.0, x0, seen = 0.0, whole = 0.0, ends[12], horizons[12]; /* of the strips still to do, the next one last */
+    int k, strips = 0;
     memcpy(up, place->basis->axis[2], sizeof up);
     memcpy(disc.light, light, sizeof disc.light);
     disc.height = sqrtf(conemap__dot(up, up));
@@ -5219,23 +5223,22 @@ static float conemap__soft_shadow(const conemap__place_of *place, const float li
     disc.radius = conemap__min(radius, 0.99f * disc.lift / conemap__max(conemap__magnitude(disc.above), 1e-6f));
     disc.radius = conemap__max(disc.radius, 1e-6f);
     x0 = conemap__disc_horizon(place, &disc, y0);
-    for (k = 1; k < 5; ++k) {
-        double y2 = 0.5 * (double)k - 1.0, x2 = conemap__disc_horizon(place, &disc, y2), y1 = y2, x1 = x2;
-        for (n = 0; n < 6 && (x1 - x0 > 0.25 || x1 - x0 < -0.25); ++n) {
-            double y = 0.5 * (y0 + y1), x = conemap__disc_horizon(place, &disc, y);
-            if ((x - x0) * (x - x0) < (x1 - x) * (x1 - x)) { /* the smoother half is done */
-                conemap__strip(y0, x0, y, x, &seen, &whole);
-                y0 = y;
-                x0 = x;
-            } else {
-                conemap__strip(y, x, y1, x1, &seen, &whole);
-                y1 = y;
-                x1 = x;
-            }
+    for (k = 4; k > 0; --k, ++strips) {
+        ends[strips] = 0.5 * (double)k - 1.0;
+        horizons[strips] = conemap__disc_horizon(place, &disc, ends[strips]);
+    }
+    while (strips > 0) {
+        double y = ends[strips - 1], x = horizons[strips - 1];
+        if ((x - x0) * (x - x0) > 0.0625 && y - y0 > 0.01) { /* half a strip, halved 6 times at most */
+            ends[strips] = 0.5 * (y0 + y);
+            horizons[strips] = conemap__disc_horizon(place, &disc, ends[strips]);
+            ++strips;
+            continue;
         }
-        conemap__strip(y0, x0, y1, x1, &seen, &whole);
-        y0 = y2;
-        x0 = x2;
+        conemap__strip(y0, x0, y, x, &seen, &whole);
+        y0 = y;
+        x0 = x;
+        --strips;
     }
     return (float)conemap__clamp01(seen / whole);
 }
@@ -5273,20 +5276,21 @@ static float conemap__sky(const conemap__place_of *place, const float normal[3],
         slope = least < -1e4 ? -1e4 : least > 1e4 ? 1e4 : least;
         rise = conemap__look(place, direction, 0.0, &f, &meets);
         if (meets)
-            slope = (conemap__horizon(&f, rise + slope / (double)height, rise + 1e4 / (double)height) - rise) *
-                    (double)height;
+            slope = (conemap__horizon(&f, rise + slope / (double)height, rise + 1e4 / (double)height,
+                                      1.0 / (1024.0 * (double)height)) -
+                     rise) * (double)height;
         sum += conemap__sky_slice(across, zenith, slope);
     }
     return (float)conemap__clamp01(2.0 * sum / (double)directions);
 }
 
 /* Openness guessed from a cone. The cone proves that no horizon is steeper than 1 / tan, in the world `steepest`, and the
-   surface's own slope explains `own` of it. Half of what is left, all around, is the guess; a cone at max_tan was not
-   stopped by anything, so that much counts as nothing. cos^2 of that horizon is the share of the sky (conemap__sky_slice
+   surface's own slope explains `own` of it. 0.3 of what is left, all around, is the guess, which fits bricks and
+   cliffs best; a cone at max_tan was not stopped by anything, so that much counts as nothing. cos^2 of that horizon is the share of the sky (conemap__sky_slice
    with across 0). */
 CONEMAP__INLINE float conemap__cone_openness(float tangent, float max_tan, float per_tan, float own) {
     float steepest = per_tan * (1.0f / conemap__max(tangent, 1e-6f) - 1.0f / max_tan);
-    float rise = 0.5f * conemap__max(steepest - own, 0.0f);
+    float rise = 0.3f * conemap__max(steepest - own, 0.0f);
     return 1.0f / (1.0f + rise * rise);
 }
 
@@ -5646,7 +5650,8 @@ static void conemap__shade_hit(const conemap_effects *e, conemap__view *view, co
             s->depth = 0.0f;
     }
     if (!(e->flags & (normals | lights | skies))) return;
-    conemap__look_up(&view->scene, hit->u, hit->v, (e->flags & CONEMAP_EFFECT_SMOOTH_NORMAL) != 0, &ground);
+    conemap__look_up(&view->scene, hit->u, hit->v,
+                     (e->flags & (CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_OCCLUSION)) != 0, &ground);
     place->scene = &view->scene;
     place->basis = &view->basis;
     place->u = hit->u;
@@ -5668,7 +5673,7 @@ static void conemap__shade_hit(const conemap_effects *e, conemap__view *view, co
     if (e->flags & CONEMAP_EFFECT_OCCLUSION) {
         float x = conemap__dot(view->basis.axis[0], view->basis.axis[0]), z = conemap__dot(view->basis.axis[2], view->basis.axis[2]);
         float y = conemap__dot(view->basis.axis[1], view->basis.axis[1]);
-        float own = sqrtf(ground.slope[0] * ground.slope[0] * z / x + ground.slope[1] * ground.slope[1] * z / y);
+        float own = sqrtf(ground.smooth[0] * ground.smooth[0] * z / x + ground.smooth[1] * ground.smooth[1] * z / y);
         s->occlusion = view->wall ? 0.5f : conemap__cone_openness(ground.tangent, ground.max_tan, sqrtf(z / x), own);
     }
     if (e->flags & CONEMAP_EFFECT_SKY) s->occlusion = conemap__sky(place, normal, e->sky_directions);
