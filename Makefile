@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench
+EXAMPLES = hello bake render inspect accuracy bench effects
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -30,6 +30,7 @@ help:
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
+	@echo "make effects   a picture of each effect on one sheet: out/effects.png"
 	@echo "make all       builds the examples and the tests"
 	@echo "make clean     removes build/ and out/"
 
@@ -73,10 +74,13 @@ check:
 bench: build/bench
 	@./build/bench $(BENCH)
 
+effects: build/effects | out
+	@./build/effects out/effects.png
+
 accuracy: build/accuracy | out
 	@./build/accuracy $(MAP)
 
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy clean
+.PHONY: all help test demo threads check bench accuracy clean effects

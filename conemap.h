@@ -706,7 +706,8 @@ typedef struct conemap_effects {
     float lod_bias;         /* added to the level; -16..16 */
     int lod_steps;          /* most steps of a ray at level 0, halved with each level, at least 8; where they end a ray has
                                status STEP_CAP and is shaded where it is. 0: no cap. Up to 2^30 */
-    float fade_begin;       /* FADE: pixels that z = 1 stands over z = 0 where fading begins; 0: 2. Up to 1e6 */
+    float fade_begin;       /* FADE: pixels that z = 1 stands over z = 0, seen from the side, where fading begins; 0: 2.
+                               Up to 1e6 */
     float fade_end;         /* and where only the normals are left; 0: fade_begin / 4. Below fade_begin */
 
     const float *view_projection; /* DEPTH: 16 numbers, see conemap_depth */
@@ -5347,11 +5348,13 @@ CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
     return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
 }
 
-/* The longer side of a pixel's footprint in map widths, v measured as the map measures it. */
+/* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At grazing
+   angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
 CONEMAP__INLINE float conemap__footprint(const conemap_gradient *g, float aspect) {
     float x = g->dudx * g->dudx + aspect * aspect * g->dvdx * g->dvdx;
     float y = g->dudy * g->dudy + aspect * aspect * g->dvdy * g->dvdy;
-    return sqrtf(conemap__max(x, y));
+    float area = aspect * conemap__magnitude(g->dudx * g->dvdy - g->dvdx * g->dudy), longest = sqrtf(conemap__max(x, y));
+    return longest > 0.0f ? area / longest : 0.0f;
 }
 
 /* log2 of the texels under a pixel, as texture units choose their mip level. */
@@ -5560,7 +5563,8 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
     t = conemap__first_zero(over, CONEMAP__EVER);
     memset(hit, 0, sizeof *hit);
     hit->status = CONEMAP_LEFT;
-    if (t < (double)r->t_min) t = CONEMAP__EVER;
+    /* rays begin on the base often enough, and then a little behind it */
+    if (t < (double)r->t_min) t = t < (double)r->t_min * (1.0 - 1e-4) ? CONEMAP__EVER : (double)r->t_min;
     if (r->t_max != 0.0f && t > (double)r->t_max) {
         hit->status = CONEMAP_T_MAX;
         t = (double)r->t_max;

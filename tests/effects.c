@@ -726,7 +726,7 @@ static void no_popping(void)
         conemap_gradient gradient = {0.0f, 0.0f, 0.0f, 0.0f};
         conemap_hit hit;
         conemap_shading shading;
-        gradient.dvdy = 0.01f * powf(2.0f, (float)k / 500.0f);
+        gradient.dvdy = gradient.dudx = 0.01f * powf(2.0f, (float)k / 500.0f);
         e.gradients = &gradient;
         memset(&shading, 0, sizeof shading);
         REQUIRE(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
