@@ -578,38 +578,40 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
    its flags ask for. Depth and level belong to the frame and may change with every call, without a rebuild.
 
    What a host gets at the map's border, which makes the relief's silhouette:
-       CONEMAP_CLAMP, CONEMAP_NOTHING   a ray that flies out over the border has LEFT: discard the fragment. One that meets
-                                        the side of the solid has HIT with `inside`: draw it (a block) or discard it (a sheet)
-       CONEMAP_WRAP                     tiles without end: the silhouette is the polygon's, or that of CONEMAP_EFFECT_CLIP
-                                        (a floor of 4 x 3 tiles: clip 0, 0, 4, 3)
+       CONEMAP_CLAMP, CONEMAP_NOTHING   a ray that flies out over the border has LEFT: discard the fragment. One that
+                                        meets the side of the solid has HIT with `inside`: draw it (a block) or
+                                        discard it (a sheet)
+       CONEMAP_WRAP                     tiles without end: the silhouette is the polygon's, or that of
+                                        CONEMAP_EFFECT_CLIP (a floor of 4 x 3 tiles: clip 0, 0, 4, 3)
    ====================================================================================================== */
 
-/* The effects, bit by bit. Cost: relative to a trace by the defaults, as `make bench BENCH=effect` measures it. */
+/* The effects, bit by bit. Cost: time on the CPU relative to conemap_trace with the defaults, whose own is 1; `make
+   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. */
 typedef enum conemap_effect {
     /* -- how rays are traced -- */
-    CONEMAP_EFFECT_CLIP = 1 << 0,      /* the relief ends at a rectangle of uv. Free */
-    CONEMAP_EFFECT_HOLES = 1 << 1,     /* rays pass through texels whose alpha is low, down to the floor; the sides of the
-                                          holes are solid. One fetch; more where a hole is hit */
-    CONEMAP_EFFECT_CURVED = 1 << 2,    /* the base surface bends: silhouettes of balls and barrels. 1.5 times the trace */
-    CONEMAP_EFFECT_LOD = 1 << 3,       /* coarser levels where texels are smaller than pixels; blended, so that none pops.
-                                          Between levels 2 to 4 times the trace, with fewer cache misses */
-    CONEMAP_EFFECT_FADE = 1 << 4,      /* relief that is lower than a pixel flattens into a normal map. Saves the trace */
-    CONEMAP_EFFECT_TWO_SIDED = 1 << 5, /* seen from behind, the frame's normal turns to the viewer. Free */
+    CONEMAP_EFFECT_CLIP = 1 << 0,        /* the relief ends at a rectangle of uv. Nothing */
+    CONEMAP_EFFECT_HOLES = 1 << 1,       /* rays pass through texels whose alpha is low, down to the floor; holes have
+                                            solid sides. 0.3, more where many are hit */
+    CONEMAP_EFFECT_CURVED = 1 << 2,      /* the base surface bends: silhouettes of balls and barrels. 0.3 */
+    CONEMAP_EFFECT_LOD = 1 << 3,         /* coarser levels where texels are smaller than pixels, blended, so that none
+                                            pops. 1 at level 0.5, nothing at 3.5, a gain beyond */
+    CONEMAP_EFFECT_FADE = 1 << 4,        /* relief that is lower than a pixel flattens into a normal map. A gain: where
+                                            all has faded 0.2 is left of the trace */
+    CONEMAP_EFFECT_TWO_SIDED = 1 << 5,   /* seen from behind, the frame's normal turns to the viewer. Nothing */
     /* -- what is known of a hit -- */
-    CONEMAP_EFFECT_POSITION = 1 << 6,  /* world position. A few products */
-    CONEMAP_EFFECT_NORMAL = 1 << 7,    /* world normal of the bilinear cell: facets. One fetch of four texels */
+    CONEMAP_EFFECT_POSITION = 1 << 6,    /* world position. Nothing */
+    CONEMAP_EFFECT_NORMAL = 1 << 7,      /* world normal of the bilinear cell: facets. Four texels, 0.2 */
     CONEMAP_EFFECT_SMOOTH_NORMAL = 1 << 8, /* world normal of the derivatives that CONEMAP_DUMMER stores, interpolated:
-                                          no facets. Instead of NORMAL; on the GPU free with the fetch */
-    CONEMAP_EFFECT_DEPTH = 1 << 9,     /* corrected depth, so that relief and scene cut each other. A few products; a shader
-                                          that writes depth loses early depth tests, see conemap_depth */
-    CONEMAP_EFFECT_SHADOW = 1 << 10,   /* 0 or 1: the relief's shadow on itself, exact. Up to one more trace */
-    CONEMAP_EFFECT_SOFT_SHADOW = 1 << 11, /* 0..1: the share of the light's disc that is seen. 5 traces or more, for those
-                                          few that end in the penumbra. Instead of SHADOW */
-    CONEMAP_EFFECT_OCCLUSION = 1 << 12, /* 0..1: how much of the sky is seen, guessed from the cone and the stored derivatives. One
-                                          fetch */
-    CONEMAP_EFFECT_SKY = 1 << 13,      /* 0..1: the same by horizons in a number of directions. One trace each. Instead of
-                                          OCCLUSION */
-    CONEMAP_EFFECT_UV = 1 << 14,       /* displaced uv, and the surface's own gradients to sample colour maps with. Free */
+                                            no facets. Instead of NORMAL. 0.3; on the GPU a fetch */
+    CONEMAP_EFFECT_DEPTH = 1 << 9,       /* corrected depth, so that relief and scene cut each other. Nothing;
+                                            on the GPU early depth tests, see conemap_depth */
+    CONEMAP_EFFECT_SHADOW = 1 << 10,     /* 0 or 1: the relief's shadow on itself, exact. One more trace, 0.7 */
+    CONEMAP_EFFECT_SOFT_SHADOW = 1 << 11, /* 0..1: the share of the light's disc that is seen. Five traces, more in
+                                            penumbras: 3 to 15. Instead of SHADOW */
+    CONEMAP_EFFECT_OCCLUSION = 1 << 12,  /* 0..1: how much of the sky is seen, guessed from the cone. 0.3 */
+    CONEMAP_EFFECT_SKY = 1 << 13,        /* 0..1: the same by horizons in a number of directions:
+                                            5 to 8 for each. Bake it if you can. Instead of OCCLUSION */
+    CONEMAP_EFFECT_UV = 1 << 14,         /* displaced uv, and the surface's own gradients, for colour maps. Nothing */
     CONEMAP_EFFECT_ALL_BITS = (1 << 15) - 1
 } conemap_effect;
 
@@ -626,38 +628,42 @@ typedef struct conemap_frame {
     float aspect;           /* metres per v over metres per u, as the map's; 0: 1. 2^-15..2^15 */
     float depth;            /* how high z = 1 stands over z = 0, in normals; 0: 1. Above 0 */
     float level;            /* 0..1: the z at which the surface lies: 0 relief rises from it, 1 it sinks below it */
-    float curvature[3];     /* CONEMAP_EFFECT_CURVED: xx, xy, yy, per unit of x and y: the surface bends away from its normal
-                               by bend = (xx x^2 + 2 xy x y + yy y^2) / 2. A ball of radius r: 1/r, 0, 1/r. See
+    float curvature[3];     /* CONEMAP_EFFECT_CURVED: xx, xy, yy, per unit of x and y: the surface bends away from its
+                               normal by bend = (xx x^2 + 2 xy x y + yy y^2) / 2. A ball of radius r: 1/r, 0, 1/r. See
                                conemap_shade for what the quadric is good for */
 } conemap_frame;
 
-/* Turns a ray of the world into the box, at the same t: a hit's t and t_before hold for both. Curvature is not looked at.
+/* Turns a ray of the world into the box, at the same t: a hit's t and t_before hold for both. Curvature is not
+   looked at.
    Errors: NULL, PARAMETER (a frame's number out of range, or its vectors lie in a plane). */
 CONEMAP_API conemap_result conemap_frame_ray(const conemap_frame *frame, const conemap_ray *world, conemap_ray *box);
 
 /* The world position of (u, v, z) of the box, curvature included. Errors: as conemap_frame_ray. */
 CONEMAP_API conemap_result conemap_frame_point(const conemap_frame *frame, const float box[3], float world[3]);
 
-/* The world's unit normal, on the outer side, of a surface that has these slopes at (u, v) of the box: conemap_sample_at's,
-   or conemap_smooth_slope's. Depth, aspect, curvature and skewed frames are in it. Errors: as conemap_frame_ray. */
+/* The world's unit normal, on the outer side, of a surface that has these slopes at (u, v) of the box:
+   conemap_sample_at's, or conemap_smooth_slope's. Depth, aspect, curvature and skewed frames are in it. Errors: as
+   conemap_frame_ray. */
 CONEMAP_API conemap_result conemap_frame_normal(const conemap_frame *frame, float u, float v, const float slope[2],
                                                 float normal[3]);
 
-/* How uv moves from pixel to pixel: dFdx and dFdy of the base surface's uv. The displaced uv jumps at silhouettes, and a
-   sampler that takes its own derivatives of it shows seams there: hand these to textureGrad or SampleGrad. */
+/* How uv moves from pixel to pixel: dFdx and dFdy of the base surface's uv. The displaced uv jumps at silhouettes,
+   and a sampler that takes its own derivatives of it shows seams there: hand these to textureGrad or SampleGrad. */
 typedef struct conemap_gradient {
     float dudx, dvdx, dudy, dvdy;
 } conemap_gradient;
 
-/* The same on the CPU: from a pixel's ray and those through its neighbours to the right and below, where they meet the base
-   surface's tangent plane. Errors: NULL, PARAMETER (also where a ray is parallel to the plane or points away). */
-CONEMAP_API conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray, const conemap_ray *right,
-                                               const conemap_ray *below, conemap_gradient *gradient);
+/* The same on the CPU: from a pixel's ray and those through its neighbours to the right and below, where they meet
+   the base surface's tangent plane. Errors: NULL, PARAMETER (also where a ray is parallel to the plane or points
+   away). */
+CONEMAP_API conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray,
+                                               const conemap_ray *right, const conemap_ray *below,
+                                               conemap_gradient *gradient);
 
-/* dh/du and dh/dv at (u, v) as [Dum06] stores them: central differences of texels, one-sided at borders that do not wrap,
-   interpolated. For CONEMAP_DUMMER as the texture returns them: rounded, clamped to one height per texel in unorm formats,
-   and flip_dv undone. In a shader: slope = (texel.zw - 0.5) * size, the second negated with flip_dv. Positions and
-   errors: as conemap_sample_at. */
+/* dh/du and dh/dv at (u, v) as [Dum06] stores them: central differences of texels, one-sided at borders that do not
+   wrap, interpolated. For CONEMAP_DUMMER as the texture returns them: rounded, clamped to one height per texel in
+   unorm formats, and flip_dv undone. In a shader: slope = (texel.zw - 0.5) * size, the second negated with flip_dv.
+   Positions and errors: as conemap_sample_at. */
 CONEMAP_API conemap_result conemap_smooth_slope(const conemap_map *map, float u, float v, float slope[2]);
 
 typedef enum conemap_depth_range {
@@ -667,11 +673,11 @@ typedef enum conemap_depth_range {
 } conemap_depth_range;
 
 /* The depth that a fragment at a world position has, for glFragDepth or SV_Depth; not clamped.
-   view_projection: clip[k] = p[0] m[k] + p[1] m[4 + k] + p[2] m[8 + k] + m[12 + k], which is GL's column-major and Direct3D's
-   row-major row-vector memory. Ordinary, reversed and infinite projections alike: the matrix knows.
-   Relief that sinks below its polygon (level 1, seen from the front) is never nearer than the polygon, which lets a shader
-   keep early depth tests: layout(depth_greater) or SV_DepthGreaterEqual, and depth_less or SV_DepthLessEqual with reversed
-   depth. With level below 1 render the shell's top (z = 1) instead of the surface, and the same holds.
+   view_projection: clip[k] = p[0] m[k] + p[1] m[4 + k] + p[2] m[8 + k] + m[12 + k], which is GL's column-major and
+   Direct3D's row-major row-vector memory. Ordinary, reversed and infinite projections alike: the matrix knows.
+   Relief that sinks below its polygon (level 1, seen from the front) is never nearer than the polygon, which lets a
+   shader keep early depth tests: layout(depth_greater) or SV_DepthGreaterEqual, and depth_less or SV_DepthLessEqual
+   with reversed depth. With level below 1 render the shell's top (z = 1) instead of the surface, and the same holds.
    Errors: NULL, ENUM, PARAMETER (w is not above 0: at or behind the viewer; or nothing finite). */
 CONEMAP_API conemap_result conemap_depth(const float view_projection[16], const float position[3],
                                          conemap_depth_range range, float *depth);
@@ -679,14 +685,16 @@ CONEMAP_API conemap_result conemap_depth(const float view_projection[16], const 
 /* How many levels halve a map down to one texel: 1 + floor(log2(longer side)). 0 for sizes out of range. */
 CONEMAP_API int conemap_level_count(int width, int height);
 
-/* Builds maps[0] as conemap_build does and each further level from the mean heights of the one before, with cones of its own:
-   sizes are halved and rounded down, as textures' mip levels are, and texels are weighted by area, so nothing is dropped.
-   Mip levels of cones themselves, filtered, are safe for nothing.
-   Between two levels with weights 1 - f and f the surface is their blend, and so are slopes 1 / tan: of
-   h(q) - h(p) <= |q - p| / tan for each level the same blend holds for the sum. So 1 / ((1 - f) / tan0 + f / tan1) is safe, and
-   so is the narrower of the two; the blend of the tangents themselves, which trilinear samplers return, is wider and not.
-   maps: overwritten; free each with conemap_free. desc.memory and desc.scratch must be null (UNSUPPORTED). count: 1 to
-   conemap_level_count. progress runs once a level. Errors: those of conemap_build; PARAMETER; all maps are then zeroed. */
+/* Builds maps[0] as conemap_build does and each further level from the mean heights of the one before, with cones of
+   its own: sizes are halved and rounded down, as textures' mip levels are, and texels are weighted by area, so
+   nothing is dropped. Mip levels of cones themselves, filtered, are safe for nothing.
+   Between two levels with weights 1 - f and f the surface is their blend. Each level has h(q) - h(p) <= |q - p| / tan,
+   so their blend rises by no more than the blend of the slopes 1 / tan: a cone of 1 / ((1 - f) / tan0 + f / tan1) is
+   safe, and so is the narrower of the two. The blend of the tangents themselves, which trilinear samplers return, is
+   wider than that and not safe.
+   maps: overwritten; free each with conemap_free. desc.memory and desc.scratch must be null (UNSUPPORTED). count: 1
+   to conemap_level_count. progress runs once a level. Errors: those of conemap_build; PARAMETER; all maps are then
+   zeroed. */
 CONEMAP_API conemap_result conemap_build_levels(const conemap_desc *desc, conemap_map *maps, int count);
 
 /* Everything that conemap_shade is told. Zeroed: no effects. Arrays stay the caller's. */
@@ -700,12 +708,12 @@ typedef struct conemap_effects {
     ptrdiff_t alpha_stride; /* bytes from row to row, may be negative; 0: rows touch */
     int alpha_cut;          /* texels below it are holes; 0: 128. Up to 255 */
 
-    const conemap_map *levels; /* LOD: levels[0] and on, as conemap_build_levels makes them; traced instead of the map */
+    const conemap_map *levels; /* LOD: as conemap_build_levels makes them; traced instead of the map */
     int level_count;        /* 1 to 16 */
     const conemap_gradient *gradients; /* UV, LOD, FADE: gradients[k] belongs to rays[k] */
     float lod_bias;         /* added to the level; -16..16 */
-    int lod_steps;          /* most steps of a ray at level 0, halved with each level, at least 8; where they end a ray has
-                               status STEP_CAP and is shaded where it is. 0: no cap. Up to 2^30 */
+    int lod_steps;          /* most steps of a ray at level 0, halved with each level, at least 8; where they end a ray
+                               has STEP_CAP and is shaded where it is. 0: no cap. Up to 2^30 */
     float fade_begin;       /* FADE: pixels that z = 1 stands over z = 0, seen from the side, where fading begins; 0: 2.
                                Up to 1e6 */
     float fade_end;         /* and where only the normals are left; 0: fade_begin / 4. Below fade_begin */
@@ -715,16 +723,17 @@ typedef struct conemap_effects {
 
     float light[3];         /* SHADOW, SOFT_SHADOW: towards the light, or its world position. Any length but 0 */
     int light_is_point;     /* nonzero: a position */
-    float light_radius;     /* SOFT_SHADOW: radians as seen from the hit, or the ball's radius if a position; 0: 0.00465, the
-                               sun's. Radians up to 1 */
+    float light_radius;     /* SOFT_SHADOW: radians as seen from the hit, up to 1, or the ball's radius if a position;
+                               0: 0.00465, the sun's */
     int sky_directions;     /* SKY: 0: 8. Up to 1024 */
+    float sky_reach;        /* SKY: what is farther away, in the world, hides nothing; 0: no end */
 } conemap_effects;
 
 /* What is known of a hit. Fields of effects that are off stay as they were, and so do all where there is no hit. */
 typedef struct conemap_shading {
     float position[3];      /* POSITION, DEPTH: world */
     float normal[3];        /* NORMAL, SMOOTH_NORMAL: world, unit; of the side where the hit is `inside` by a side */
-    float depth;            /* DEPTH; 1 or what w = 0 makes of it is never written: a point behind the viewer gets 0 */
+    float depth;            /* DEPTH; 0 for a point at or behind the viewer */
     float shadow;           /* SHADOW, SOFT_SHADOW: 0 dark to 1 lit */
     float occlusion;        /* OCCLUSION, SKY: 0 closed to 1 open */
     float uv[2];            /* UV: displaced; not wrapped */
@@ -733,28 +742,32 @@ typedef struct conemap_shading {
     float fade;             /* FADE: 0 relief to 1 normals only */
 } conemap_shading;
 
-/* Traces `count` rays of the world and shades their hits. With no flags it is conemap_trace and shadings may be null.
-   map, trace: as for conemap_trace. With CURVED, with LOD between levels, and behind holes the tracer is always an exact one:
-   cells are met as CONEMAP_TRACE_EXACT meets them, by the cones' guarantee without a miss (relaxed cones are not used).
-   hits: in box coordinates; t is the ray's own. With CURVED z is the height over the bent base.
-   HIT and STEP_CAP are shaded; a host discards the rest.
+/* Traces `count` rays of the world and shades their hits. With no flags it is conemap_trace and shadings may be
+   null.
+   map, trace: as for conemap_trace. With CURVED, with LOD between levels, and behind holes the tracer is always an
+   exact one: cells are met as CONEMAP_TRACE_EXACT meets them, by the cones' guarantee without a miss (relaxed cones
+   are not used).
+   hits: in box coordinates; t is the ray's own. With CURVED z is the height over the bent base. HIT and STEP_CAP are
+   shaded; a host discards the rest.
 
-   CURVED. The base is a quadric over the tangent plane, a graph per fragment as in relief mapping of polygons (Oliveira and
-   Policarpo, 2005), and relief stands on it along the frame's normal. In the box the ray is then a parabola, and cones and
-   cells are stepped with that parabola itself: against this surface nothing is missed. Against a truly bent surface of
-   curvature k it leaves out what is of third order in k times the way from the frame's origin, and that the texture
-   stretches with height by 1 + k depth. |xx| + |xy| and |xy| + |yy| times depth must stay below 1 (PARAMETER), where a
-   surface of that curvature would fold; keep below 0.1 for a good likeness, with a frame at each fragment.
+   CURVED. The base is a quadric over the tangent plane, a graph per fragment as in relief mapping of polygons
+   (Oliveira and Policarpo, 2005), and relief stands on it along the frame's normal. In the box the ray is then a
+   parabola, and cones and cells are stepped with that parabola itself: against this surface nothing is missed.
+   Against a truly bent surface of curvature k it leaves out what is of third order in k times the way from the
+   frame's origin, and that the texture stretches with height by 1 + k depth. |xx| + |xy| and |xy| + |yy| times depth
+   must stay below 1 (PARAMETER), where a surface of that curvature would fold; keep below 0.1 for a good likeness,
+   with a frame at each fragment.
 
-   Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is cut
-   by the horizons in five directions across it, and more where two differ by much: no dithering, no banding.
+   Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is
+   cut by the horizons in five directions across it, and more where two differ by much: no dithering, no banding.
 
-   OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3 times
-   as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its half angle is open.
+   OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3
+   times as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its
+   half angle is open.
 
    Errors: those of conemap_trace; NULL (what a flag needs is missing), PARAMETER, ENUM, UNSUPPORTED (NORMAL with
-   SMOOTH_NORMAL, SHADOW with SOFT_SHADOW, OCCLUSION with SKY; unknown bits; HOLES with LOD; levels of differing wraps), of
-   which nothing is written. A frame per ray that is wrong makes its ray INVALID, with PARAMETER. */
+   SMOOTH_NORMAL, SHADOW with SOFT_SHADOW, OCCLUSION with SKY; unknown bits; levels of differing wraps), of which
+   nothing is written. A frame per ray or a gradient that is wrong makes its ray INVALID, with PARAMETER. */
 CONEMAP_API conemap_result conemap_shade(const conemap_map *map, const conemap_trace_desc *trace,
                                          const conemap_effects *effects, const conemap_ray *rays, conemap_hit *hits,
                                          conemap_shading *shadings, int count);
@@ -768,9 +781,10 @@ typedef struct conemap_lod {
 CONEMAP_API conemap_result conemap_lod_at(const conemap_map *map, const conemap_effects *effects,
                                           const conemap_gradient *gradient, conemap_lod *lod);
 
-/* Bakes how much of the sky each texel's centre sees, 0..1, cosine-weighted about its smooth normal: by horizons that are
-   exact in each of `directions` azimuths (0: 64; up to 1024). frame: of it only the vectors' lengths and angles, uv_scale, depth
-   and aspect count; null: the unit box. sky: width * height floats, row 0 first. One trace per texel and direction.
+/* Bakes how much of the sky each texel's centre sees, 0..1, cosine-weighted about its smooth normal: by horizons
+   that are exact in each of `directions` azimuths (0: 64; up to 1024). frame: of it only the vectors' lengths and
+   angles, uv_scale, depth and aspect count; null: the unit box. sky: width * height floats, row 0 first. Each
+   horizon takes 5 to 8 traces' time.
    Rows first_row .. first_row + rows - 1 are written (at their place), for a host's jobs; rows 0: all.
    Errors: NULL, PARAMETER. Thread-safe. */
 CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
@@ -4603,7 +4617,8 @@ CONEMAP__INLINE void conemap__point_to_world(const conemap__basis *basis, const 
    row2 - z_u row0 - z_v row1, which points to its outer side in mirrored frames too. */
 CONEMAP__INLINE int conemap__normal_to_world(const conemap__basis *basis, float u, float v, float dhdu, float dhdv,
                                              float normal[3]) {
-    float zu = dhdu - conemap__drop_along(basis, u, v, 1.0f, 0.0f), zv = dhdv - conemap__drop_along(basis, u, v, 0.0f, 1.0f);
+    float zu = dhdu - conemap__drop_along(basis, u, v, 1.0f, 0.0f);
+    float zv = dhdv - conemap__drop_along(basis, u, v, 0.0f, 1.0f);
     conemap__along(basis->inverse[2], -zu, basis->inverse[0], normal);
     conemap__along(normal, -zv, basis->inverse[1], normal);
     return conemap__normalise(normal);
@@ -4813,16 +4828,16 @@ typedef struct conemap__lattice {
     int base_i, base_j, i, j;
 } conemap__lattice;
 
-/* A ray above a scene. Its height is a parabola: the base that the relief stands on is a quadric, and along a straight
-   ray a quadric is a polynomial of degree two. Positions are straight, so in a cell the surface's height is of degree two
-   as well, for two levels as for one, and the clearance is met exactly by one square root.
+/* A ray above a scene. Its height is a parabola: the base that the relief stands on is a quadric, and along a
+   straight ray a quadric is a polynomial of degree two. Positions are straight, so in a cell the surface's height is
+   of degree two as well, for two levels as for one, and the clearance is met exactly by one square root.
 
    Cones under a parabola. The cone at p holds nothing of the surface: h(q) <= h(p) + |q - p| / tan for every q. From
    t = 0 above p the ray has height z + z' t + b t^2 and distance s t from p, so it is clear of the surface wherever
        (z - h(p)) + (z' - s / tan) t + b t^2 > 0,
-   that is up to the first positive root, or for ever if there is none. Nothing is lost to a bound on the curvature: the cone
-   is not narrowed, the ray is bent. With b = 0 it is the cone step of [Dum06]. Between levels 1 / tan is blended, as
-   conemap_build_levels proves. */
+   that is up to the first positive root, or for ever if there is none. Nothing is lost to a bound on the curvature:
+   the cone is not narrowed, the ray is bent. With b = 0 it is the cone step of [Dum06]. Between levels 1 / tan is
+   blended, as conemap_build_levels proves. */
 typedef struct conemap__flight {
     const conemap__scene *scene;
     conemap__lattice lattice[3];
@@ -4837,7 +4852,8 @@ typedef struct conemap__quadratic {
     double c, b, a;
 } conemap__quadratic;
 
-/* The first x in 0..end at which the quadratic is 0 or below; EVER if there is none. In the form that does not cancel. */
+/* The first x in 0..end at which the quadratic is 0 or below; EVER if there is none. In the form that does not
+   cancel. */
 CONEMAP__INLINE double conemap__first_zero(conemap__quadratic p, double end) {
     double discriminant = p.b * p.b - 4.0 * p.a * p.c, q, first, second;
     if (p.c <= 0.0) return 0.0;
@@ -4909,7 +4925,8 @@ static int conemap__narrow(double o, double v, double low, double high, int axis
     return *t0 <= *t1;
 }
 
-/* Sets a flight up; 0 if it never comes over the surface. z: height at t = 0, its growth, and the bend. t_max 0: none. */
+/* Sets a flight up; 0 if it never comes over the surface. z: height at t = 0, its growth, and the bend. t_max 0:
+   none. */
 static int conemap__take_off(const conemap__scene *scene, const double o[2], const double v[2], const double z[3],
                              double t_min, double t_max, conemap__flight *f) {
     const conemap_info *info = &scene->map[0]->info;
@@ -4978,7 +4995,8 @@ static double conemap__stay(conemap__flight *f) {
     return end > f->t ? end : f->t;
 }
 
-/* Over a border, or farther: the cell of the position then, but never behind the cell before, whatever rounding says. */
+/* Over a border, or farther: the cell of the position then, but never behind the cell before, whatever rounding
+   says. */
 CONEMAP__INLINE int conemap__onward(double p, double v, double t, double leave, int cell, int jump) {
     int next = v > 0.0 ? cell + (leave <= t) : v < 0.0 ? cell - (leave <= t) : cell, there;
     if (!jump || v == 0.0) return next;
@@ -5010,7 +5028,8 @@ static int conemap__over_hole(const conemap__flight *f) {
     return (int)scene->alpha[j * scene->alpha_stride + i] < scene->alpha_cut;
 }
 
-/* The surface's height under the flight from now on, in the present cells; and the cones' tangent here, if asked for. */
+/* The surface's height under the flight from now on, in the present cells; and the cones' tangent here, if asked
+   for. */
 static conemap__quadratic conemap__ground(const conemap__flight *f, double *tangent) {
     conemap__quadratic sum = {0.0, 0.0, 0.0};
     double steepness = 0.0;
@@ -5042,8 +5061,8 @@ static conemap__quadratic conemap__ground(const conemap__flight *f, double *tang
 CONEMAP__INLINE double conemap__flight_z(const conemap__flight *f, double t) { return f->z0 + (f->z1 + f->z2 * t) * t; }
 CONEMAP__INLINE double conemap__flight_rise(const conemap__flight *f, double t) { return f->z1 + 2.0 * f->z2 * t; }
 
-/* How far the flight may go on from here without meeting anything: down to the highest texel, or to the end of the cone.
-   `gap` over the surface. 0: no farther than the cell. */
+/* How far the flight may go on from here without meeting anything: down to the highest texel, or to the end of the
+   cone. `gap` over the surface. 0: no farther than the cell. */
 static double conemap__free_way(const conemap__flight *f, double gap, double tangent) {
     double z = conemap__flight_z(f, f->t), rise = conemap__flight_rise(f, f->t);
     conemap__quadratic room;
@@ -5103,15 +5122,16 @@ static conemap_status conemap__fly(conemap__flight *f, int max_steps, int *steps
     }
 }
 
-/* The steepest growth z1, from `low` to `high`, at which the flight still touches what lies under it: the horizon, as seen
-   from where it takes off. It flies at `low`; whatever rises above it bends it up to touch, exactly, and so it goes on:
-   what was passed below the lower flight is below the higher one. At `high` there is nothing left to learn, nor where the
-   highest texel could raise the horizon by `grain` at most: on maps that wrap peaks of one height never end. */
+/* The steepest growth z1, from `low` to `high`, at which the flight still touches what lies under it: the horizon,
+   as seen from where it takes off. It flies at `low`; whatever rises above it bends it up to touch, exactly, and so
+   it goes on: what was passed below the lower flight is below the higher one. At `high` there is nothing left to
+   learn, nor where the highest texel could raise the horizon by `grain` at most: on maps that wrap peaks of one
+   height never end. */
 static double conemap__horizon(conemap__flight *f, double low, double high, double grain) {
     f->z1 = low;
     for (;;) {
         double end = conemap__stay(f), next, tangent = 0.0, gap;
-        double above = f->highest - f->z0 - f->z2 * f->t * f->t; /* from above the highest a horizon rises with distance */
+        double above = f->highest - f->z0 - f->z2 * f->t * f->t; /* below 0 the horizon rises with t */
         if (f->z2 >= 0.0 && above <= (f->z1 + grain) * (above > 0.0 ? f->t : f->t_end)) return f->z1;
         int hole = conemap__over_hole(f);
         conemap__quadratic ground = conemap__ground(f, f->cones ? &tangent : NULL), way;
@@ -5187,8 +5207,8 @@ typedef struct conemap__disc {
     float light[3], side[3], radius, above, lift, height, t_max;
 } conemap__disc;
 
-/* The horizon, -1..1 radii from the disc's middle upwards, in the direction `y` radii to the side. A direction s units of
-   height above the light's own is s lift / (1 + s above) off it. */
+/* The horizon, -1..1 radii from the disc's middle upwards, in the direction `y` radii to the side. A direction s
+   units of height above the light's own is s lift / (1 + s above) off it. */
 static double conemap__disc_horizon(const conemap__place_of *place, const conemap__disc *disc, double y) {
     double rise, down, s, x, r = (double)disc->radius, lift = (double)disc->lift, above = (double)disc->above;
     double height = (double)disc->height;
@@ -5204,12 +5224,14 @@ static double conemap__disc_horizon(const conemap__place_of *place, const conema
     return x < -1.0 ? -1.0 : x > 1.0 ? 1.0 : x;
 }
 
-/* How much of a light's disc is seen: 0..1. light: unit, towards it. The disc is cut by the horizons in five directions,
-   and between two that differ by much, such as beside a tower, by more, so that no edge moves by a whole strip at once. */
+/* How much of a light's disc is seen: 0..1. light: unit, towards it. The disc is cut by the horizons in five
+   directions, and between two that differ by much, such as beside a tower, by more, so that no edge moves by a whole
+   strip at once. */
 static float conemap__soft_shadow(const conemap__place_of *place, const float light[3], float radius, float t_max) {
     conemap__disc disc;
     float up[3];
-    double y0 = -1.0, x0, seen = 0.0, whole = 0.0, ends[12], horizons[12]; /* of the strips still to do, the next one last */
+    double y0 = -1.0, x0, seen = 0.0, whole = 0.0;
+    double ends[12], horizons[12]; /* of the strips still to do, the next one last */
     int k, strips = 0;
     memcpy(up, place->basis->axis[2], sizeof up);
     memcpy(disc.light, light, sizeof disc.light);
@@ -5244,16 +5266,16 @@ static float conemap__soft_shadow(const conemap__place_of *place, const float li
     return (float)conemap__clamp01(seen / whole);
 }
 
-/* The cosine-weighted part of one azimuth's half circle above a horizon of this slope, for a normal that has `across`
-   towards the azimuth and `up` to the zenith: the integral over elevations e of (across cos e + up sin e) cos e de; twice
-   its mean over all azimuths is the share of the sky. */
+/* The cosine-weighted part of one azimuth's half circle above a horizon of this slope, for a normal that has
+   `across` towards the azimuth and `up` to the zenith: the integral over elevations e of (across cos e + up sin e)
+   cos e de; twice its mean over all azimuths is the share of the sky. */
 static double conemap__sky_slice(double across, double up, double slope) {
     double part = 1.0 / (1.0 + slope * slope);
     return across * (0.78539816339744831 - 0.5 * atan(slope) - 0.5 * slope * part) + 0.5 * up * part;
 }
 
-/* The share of the sky that a place sees about a unit normal of the world. */
-static float conemap__sky(const conemap__place_of *place, const float normal[3], int directions) {
+/* The share of the sky that a place sees about a unit normal of the world. reach: 0 for no end. */
+static float conemap__sky(const conemap__place_of *place, const float normal[3], int directions, float reach) {
     float up[3], east[3], north[3], height, lean;
     double sum = 0.0;
     int k, c;
@@ -5275,7 +5297,7 @@ static float conemap__sky(const conemap__place_of *place, const float normal[3],
         /* the surface's own plane hides what is behind it */
         least = zenith > 1e-4 ? -across / zenith : across > 0.0 ? -1e4 : 1e4;
         slope = least < -1e4 ? -1e4 : least > 1e4 ? 1e4 : least;
-        rise = conemap__look(place, direction, 0.0, &f, &meets);
+        rise = conemap__look(place, direction, (double)reach, &f, &meets);
         if (meets)
             slope = (conemap__horizon(&f, rise + slope / (double)height, rise + 1e4 / (double)height,
                                       1.0 / (1024.0 * (double)height)) -
@@ -5285,10 +5307,10 @@ static float conemap__sky(const conemap__place_of *place, const float normal[3],
     return (float)conemap__clamp01(2.0 * sum / (double)directions);
 }
 
-/* Openness guessed from a cone. The cone proves that no horizon is steeper than 1 / tan, in the world `steepest`, and the
-   surface's own slope explains `own` of it. 0.3 of what is left, all around, is the guess, which fits bricks and
-   cliffs best; a cone at max_tan was not stopped by anything, so that much counts as nothing. cos^2 of that horizon is the share of the sky (conemap__sky_slice
-   with across 0). */
+/* Openness guessed from a cone. The cone proves that no horizon is steeper than 1 / tan, in the world `steepest`,
+   and the surface's own slope explains `own` of it. 0.3 of what is left, all around, is the guess, which fits bricks
+   and cliffs best; a cone at max_tan was not stopped by anything, so that much counts as nothing. cos^2 of that
+   horizon is the share of the sky (conemap__sky_slice with across 0). */
 CONEMAP__INLINE float conemap__cone_openness(float tangent, float max_tan, float per_tan, float own) {
     float steepest = per_tan * (1.0f / conemap__max(tangent, 1e-6f) - 1.0f / max_tan);
     float rise = 0.3f * conemap__max(steepest - own, 0.0f);
@@ -5348,19 +5370,21 @@ CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
     return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
 }
 
-/* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At grazing
-   angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
+/* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At
+   grazing angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
 CONEMAP__INLINE float conemap__footprint(const conemap_gradient *g, float aspect) {
     float x = g->dudx * g->dudx + aspect * aspect * g->dvdx * g->dvdx;
     float y = g->dudy * g->dudy + aspect * aspect * g->dvdy * g->dvdy;
-    float area = aspect * conemap__magnitude(g->dudx * g->dvdy - g->dvdx * g->dudy), longest = sqrtf(conemap__max(x, y));
+    float area = aspect * conemap__magnitude(g->dudx * g->dvdy - g->dvdx * g->dudy);
+    float longest = sqrtf(conemap__max(x, y));
     return longest > 0.0f ? area / longest : 0.0f;
 }
 
 /* log2 of the texels under a pixel, as texture units choose their mip level. */
 CONEMAP__INLINE float conemap__level_of(const conemap_gradient *g, const conemap_info *info) {
     float w = (float)info->width, h = (float)info->height;
-    float x = g->dudx * g->dudx * w * w + g->dvdx * g->dvdx * h * h, y = g->dudy * g->dudy * w * w + g->dvdy * g->dvdy * h * h;
+    float x = g->dudx * g->dudx * w * w + g->dvdx * g->dvdx * h * h;
+    float y = g->dudy * g->dudy * w * w + g->dvdy * g->dvdy * h * h;
     return 0.5f * log2f(conemap__max(conemap__max(x, y), 1e-30f));
 }
 
@@ -5447,7 +5471,8 @@ static conemap_result conemap__resolve_effects(const conemap_map *map, conemap_e
     }
     if (e->flags & CONEMAP_EFFECT_SKY) {
         if (e->sky_directions == 0) e->sky_directions = 8;
-        if (e->sky_directions < 1 || e->sky_directions > 1024) return CONEMAP_ERROR_PARAMETER;
+        if (e->sky_directions < 1 || e->sky_directions > 1024 || !conemap__in_range(e->sky_reach, 0.0f, 1e18f))
+            return CONEMAP_ERROR_PARAMETER;
     }
     return CONEMAP_OK;
 }
@@ -5569,8 +5594,10 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
         hit->status = CONEMAP_T_MAX;
         t = (double)r->t_max;
     } else if (t < CONEMAP__EVER) {
-        double u = (double)r->origin[0] + t * (double)r->direction[0], v = (double)r->origin[1] + t * (double)r->direction[1];
-        if (u >= view->scene.low[0] && u <= view->scene.high[0] && v >= view->scene.low[1] && v <= view->scene.high[1])
+        const conemap__scene *s = &view->scene;
+        double u = (double)r->origin[0] + t * (double)r->direction[0];
+        double v = (double)r->origin[1] + t * (double)r->direction[1];
+        if (u >= s->low[0] && u <= s->high[0] && v >= s->low[1] && v <= s->high[1])
             hit->status = CONEMAP_HIT;
     }
     conemap__put_hit(r, t, hit);
@@ -5611,7 +5638,8 @@ static void conemap__prepare(const conemap_map *map, const conemap_effects *e, c
     if (view->lod.fade > 0.0f) {
         conemap_frame unit;
         memset(&unit, 0, sizeof unit);
-        conemap__resolve_frame(frame ? frame : &unit, conemap__min(view->lod.fade, 0.9999f), toward, curved, &view->basis);
+        conemap__resolve_frame(frame ? frame : &unit, conemap__min(view->lod.fade, 0.9999f), toward, curved,
+                               &view->basis);
     }
     conemap__set_scene(map, e, view->lod.level, &view->scene);
     view->flight = curved || view->scene.maps > 1;
@@ -5675,12 +5703,13 @@ static void conemap__shade_hit(const conemap_effects *e, conemap__view *view, co
     }
     if (e->flags & normals) memcpy(s->normal, normal, sizeof normal);
     if (e->flags & CONEMAP_EFFECT_OCCLUSION) {
-        float x = conemap__dot(view->basis.axis[0], view->basis.axis[0]), z = conemap__dot(view->basis.axis[2], view->basis.axis[2]);
-        float y = conemap__dot(view->basis.axis[1], view->basis.axis[1]);
+        const conemap__basis *b = &view->basis;
+        float x = conemap__dot(b->axis[0], b->axis[0]), y = conemap__dot(b->axis[1], b->axis[1]);
+        float z = conemap__dot(b->axis[2], b->axis[2]);
         float own = sqrtf(ground.smooth[0] * ground.smooth[0] * z / x + ground.smooth[1] * ground.smooth[1] * z / y);
         s->occlusion = view->wall ? 0.5f : conemap__cone_openness(ground.tangent, ground.max_tan, sqrtf(z / x), own);
     }
-    if (e->flags & CONEMAP_EFFECT_SKY) s->occlusion = conemap__sky(place, normal, e->sky_directions);
+    if (e->flags & CONEMAP_EFFECT_SKY) s->occlusion = conemap__sky(place, normal, e->sky_directions, e->sky_reach);
 }
 
 /* Towards the light from a place: unit direction of the world, and the distance, 0 for a sun. */
@@ -5882,7 +5911,7 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
             conemap__normal_to_world(&basis, place.u, place.v,
                                      conemap__difference(map, x, y, 0) * (float)map->info.width,
                                      conemap__difference(map, x, y, 1) * (float)map->info.height, normal);
-            sky[(size_t)y * (size_t)map->info.width + (size_t)x] = conemap__sky(&place, normal, directions);
+            sky[(size_t)y * (size_t)map->info.width + (size_t)x] = conemap__sky(&place, normal, directions, 0.0f);
         }
     return CONEMAP_OK;
 }

@@ -1017,12 +1017,12 @@ static void cone_openness(void)
             /* the cone alone proves so much of the sky open, around the zenith */
             CHECK(y > (double)shading.normal[2] * tangent * tangent / (1.0 + tangent * tangent) - 2e-2,
                   "round %d: texel %d sees %g, its cone more", round, k, y);
-            off += fabs(x - y) / (3.0 * COUNT);
-            a += x / COUNT;
-            b += y / COUNT;
-            aa += x * x / COUNT;
-            bb += y * y / COUNT;
-            ab += x * y / COUNT;
+            off += fabs(x - y) / (3.0 * (double)COUNT);
+            a += x / (double)COUNT;
+            b += y / (double)COUNT;
+            aa += x * x / (double)COUNT;
+            bb += y * y / (double)COUNT;
+            ab += x * y / (double)COUNT;
         }
         like = (ab - a * b) / sqrt((aa - a * a) * (bb - b * b) + 1e-12);
         CHECK(round == 2 || like > 0.7, "round %d: guess and truth correlate by %g", round, like);
@@ -1265,6 +1265,8 @@ static void bad_input(void)
     BAD(e.light[1] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(e.light_radius = -0.1f, CONEMAP_ERROR_PARAMETER);
     BAD(e.light_radius = 1.1f, CONEMAP_ERROR_PARAMETER);
+    BAD((e.flags ^= CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY, e.sky_directions = 1025), CONEMAP_ERROR_PARAMETER);
+    BAD((e.flags ^= CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY, e.sky_reach = nan), CONEMAP_ERROR_PARAMETER);
     BAD(f.origin[1] = inf, CONEMAP_ERROR_PARAMETER);
     BAD(f.tangent[1] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(f.tangent[1] = 1.0f, CONEMAP_ERROR_PARAMETER); /* the others are 0 */
