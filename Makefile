@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench tree
+EXAMPLES = hello bake render inspect accuracy bench tree effects
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -30,6 +30,7 @@ help:
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
+	@echo "make effects   a picture of each effect on one sheet: out/effects.png"
 	@echo "make all       builds the examples and the tests"
 	@echo "make trees     plants and cacti as relief-mapped frusta; pictures in out/"
 	@echo "make clean     removes build/ and out/"
@@ -43,7 +44,7 @@ build/hello: examples/hello.c conemap.h | build
 build/stb_image_impl.o: examples/stb_image_impl.c | build
 	$(CC) -w $(CFLAGS) -DHAVE_STB_IMAGE -c examples/stb_image_impl.c -o $@
 
-$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h examples/bench_frusta.h tests/truth.h conemap.h $(STB_OBJ) | build
+$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c $(wildcard examples/*.h) tests/truth.h conemap.h $(STB_OBJ) | build
 	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
 
 build/%.o: tests/%.c $(wildcard tests/*.h) conemap.h | build
@@ -74,6 +75,9 @@ check:
 bench: build/bench
 	@./build/bench $(BENCH)
 
+effects: build/effects | out
+	@./build/effects out/effects.png
+
 accuracy: build/accuracy | out
 	@./build/accuracy $(MAP)
 
@@ -83,4 +87,4 @@ trees: build/tree | out
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy clean trees
+.PHONY: all help test demo threads check bench accuracy clean trees effects

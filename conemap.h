@@ -37,6 +37,7 @@
        V E R I F Y I N G           proof that interpolated cones are empty
        T R A C I N G               rays against the relief
        S H A D E R S               the tracers as GLSL, HLSL and C
+       E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
        F R U S T A                 skeletons skinned with relief-mapped conical frusta
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
@@ -51,6 +52,7 @@
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        T R A C E R S               the walk through cells, every tracer, refinement
        E M I T T E R               shaders from snippets
+       E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
        F R U S T A                 skinning, the relief's shell, a tree of boxes
        L I C E N C E               at the end of the file
@@ -951,6 +953,226 @@ CONEMAP_API conemap_result conemap_frustum_span(const conemap_frustum *frustum, 
 CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
                                                   const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
                                                   conemap_skeleton_hit *hits, int count);
+
+/* ======================================================================================================
+   E F F E C T S
+
+   What a picture of relief needs besides the first hit, each effect by itself: an effect that is not asked for costs
+   nothing. Frames put the relief on a surface of the world; conemap_shade traces world rays through it and answers what
+   its flags ask for. Depth and level belong to the frame and may change with every call, without a rebuild.
+
+   What a host gets at the map's border, which makes the relief's silhouette:
+       CONEMAP_CLAMP, CONEMAP_NOTHING   a ray that flies out over the border has LEFT: discard the fragment. One that
+                                        meets the side of the solid has HIT with `inside`: draw it (a block) or
+                                        discard it (a sheet)
+       CONEMAP_WRAP                     tiles without end: the silhouette is the polygon's, or that of
+                                        CONEMAP_EFFECT_CLIP (a floor of 4 x 3 tiles: clip 0, 0, 4, 3)
+   ====================================================================================================== */
+
+/* The effects, bit by bit. Cost: time on the CPU relative to conemap_trace with the defaults, whose own is 1; `make
+   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. */
+typedef enum conemap_effect {
+    /* -- how rays are traced -- */
+    CONEMAP_EFFECT_CLIP = 1 << 0,        /* the relief ends at a rectangle of uv. Nothing */
+    CONEMAP_EFFECT_HOLES = 1 << 1,       /* rays pass through texels whose alpha is low, down to the floor; holes have
+                                            solid sides. 0.3, more where many are hit */
+    CONEMAP_EFFECT_CURVED = 1 << 2,      /* the base surface bends: silhouettes of balls and barrels. 0.3 */
+    CONEMAP_EFFECT_LOD = 1 << 3,         /* coarser levels where texels are smaller than pixels, blended, so that none
+                                            pops. 1 at level 0.5, nothing at 3.5, a gain beyond */
+    CONEMAP_EFFECT_FADE = 1 << 4,        /* relief that is lower than a pixel flattens into a normal map. A gain: where
+                                            all has faded 0.2 is left of the trace */
+    CONEMAP_EFFECT_TWO_SIDED = 1 << 5,   /* seen from behind, the frame's normal turns to the viewer. Nothing */
+    /* -- what is known of a hit -- */
+    CONEMAP_EFFECT_POSITION = 1 << 6,    /* world position. Nothing */
+    CONEMAP_EFFECT_NORMAL = 1 << 7,      /* world normal of the bilinear cell: facets. Four texels, 0.2 */
+    CONEMAP_EFFECT_SMOOTH_NORMAL = 1 << 8, /* world normal of the derivatives that CONEMAP_DUMMER stores, interpolated:
+                                            no facets. Instead of NORMAL. 0.3; on the GPU a fetch */
+    CONEMAP_EFFECT_DEPTH = 1 << 9,       /* corrected depth, so that relief and scene cut each other. Nothing;
+                                            on the GPU early depth tests, see conemap_depth */
+    CONEMAP_EFFECT_SHADOW = 1 << 10,     /* 0 or 1: the relief's shadow on itself, exact. One more trace, 0.7 */
+    CONEMAP_EFFECT_SOFT_SHADOW = 1 << 11, /* 0..1: the share of the light's disc that is seen. Five traces, more in
+                                            penumbras: 3 to 15. Instead of SHADOW */
+    CONEMAP_EFFECT_OCCLUSION = 1 << 12,  /* 0..1: how much of the sky is seen, guessed from the cone. 0.3 */
+    CONEMAP_EFFECT_SKY = 1 << 13,        /* 0..1: the same by horizons in a number of directions:
+                                            5 to 8 for each. Bake it if you can. Instead of OCCLUSION */
+    CONEMAP_EFFECT_UV = 1 << 14,         /* displaced uv, and the surface's own gradients, for colour maps. Nothing */
+    CONEMAP_EFFECT_ALL_BITS = (1 << 15) - 1
+} conemap_effect;
+
+/* How relief lies on a surface. World: any length units and handedness. Zeroed: the unit box itself.
+       u = uv_offset[0] + uv_scale[0] x              x, y: along tangent and bitangent from the origin
+       v = uv_offset[1] + uv_scale[1] y / aspect
+       world = origin + tangent x + bitangent y + normal (depth (z - level) - bend(x, y))
+   The vectors need be neither unit nor perpendicular; a mirrored frame is fine. */
+typedef struct conemap_frame {
+    float origin[3];        /* where the base surface has uv_offset */
+    float tangent[3], bitangent[3], normal[3]; /* world per x, y and height; all nine 0: the world's axes */
+    float uv_offset[2];
+    float uv_scale[2];      /* map widths per unit of x, and of y; 0: 1 */
+    float aspect;           /* metres per v over metres per u, as the map's; 0: 1. 2^-15..2^15 */
+    float depth;            /* how high z = 1 stands over z = 0, in normals; 0: 1. Above 0 */
+    float level;            /* 0..1: the z at which the surface lies: 0 relief rises from it, 1 it sinks below it */
+    float curvature[3];     /* CONEMAP_EFFECT_CURVED: xx, xy, yy, per unit of x and y: the surface bends away from its
+                               normal by bend = (xx x^2 + 2 xy x y + yy y^2) / 2. A ball of radius r: 1/r, 0, 1/r. See
+                               conemap_shade for what the quadric is good for */
+} conemap_frame;
+
+/* Turns a ray of the world into the box, at the same t: a hit's t and t_before hold for both. Curvature is not
+   looked at.
+   Errors: NULL, PARAMETER (a frame's number out of range, or its vectors lie in a plane). */
+CONEMAP_API conemap_result conemap_frame_ray(const conemap_frame *frame, const conemap_ray *world, conemap_ray *box);
+
+/* The world position of (u, v, z) of the box, curvature included. Errors: as conemap_frame_ray. */
+CONEMAP_API conemap_result conemap_frame_point(const conemap_frame *frame, const float box[3], float world[3]);
+
+/* The world's unit normal, on the outer side, of a surface that has these slopes at (u, v) of the box:
+   conemap_sample_at's, or conemap_smooth_slope's. Depth, aspect, curvature and skewed frames are in it. Errors: as
+   conemap_frame_ray. */
+CONEMAP_API conemap_result conemap_frame_normal(const conemap_frame *frame, float u, float v, const float slope[2],
+                                                float normal[3]);
+
+/* How uv moves from pixel to pixel: dFdx and dFdy of the base surface's uv. The displaced uv jumps at silhouettes,
+   and a sampler that takes its own derivatives of it shows seams there: hand these to textureGrad or SampleGrad. */
+typedef struct conemap_gradient {
+    float dudx, dvdx, dudy, dvdy;
+} conemap_gradient;
+
+/* The same on the CPU: from a pixel's ray and those through its neighbours to the right and below, where they meet
+   the base surface's tangent plane. Errors: NULL, PARAMETER (also where a ray is parallel to the plane or points
+   away). */
+CONEMAP_API conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray,
+                                               const conemap_ray *right, const conemap_ray *below,
+                                               conemap_gradient *gradient);
+
+/* dh/du and dh/dv at (u, v) as [Dum06] stores them: central differences of texels, one-sided at borders that do not
+   wrap, interpolated. For CONEMAP_DUMMER as the texture returns them: rounded, clamped to one height per texel in
+   unorm formats, and flip_dv undone. In a shader: slope = (texel.zw - 0.5) * size, the second negated with flip_dv.
+   Positions and errors: as conemap_sample_at. */
+CONEMAP_API conemap_result conemap_smooth_slope(const conemap_map *map, float u, float v, float slope[2]);
+
+typedef enum conemap_depth_range {
+    CONEMAP_DEPTH_ZERO_TO_ONE = 0, /* clip z / w as it is: Direct3D, Vulkan, Metal, GL with clip control */
+    CONEMAP_DEPTH_MINUS_ONE_TO_ONE, /* 0.5 + 0.5 z / w: GL's default */
+    CONEMAP_DEPTH_RANGE_COUNT
+} conemap_depth_range;
+
+/* The depth that a fragment at a world position has, for glFragDepth or SV_Depth; not clamped.
+   view_projection: clip[k] = p[0] m[k] + p[1] m[4 + k] + p[2] m[8 + k] + m[12 + k], which is GL's column-major and
+   Direct3D's row-major row-vector memory. Ordinary, reversed and infinite projections alike: the matrix knows.
+   Relief that sinks below its polygon (level 1, seen from the front) is never nearer than the polygon, which lets a
+   shader keep early depth tests: layout(depth_greater) or SV_DepthGreaterEqual, and depth_less or SV_DepthLessEqual
+   with reversed depth. With level below 1 render the shell's top (z = 1) instead of the surface, and the same holds.
+   Errors: NULL, ENUM, PARAMETER (w is not above 0: at or behind the viewer; or nothing finite). */
+CONEMAP_API conemap_result conemap_depth(const float view_projection[16], const float position[3],
+                                         conemap_depth_range range, float *depth);
+
+/* How many levels halve a map down to one texel: 1 + floor(log2(longer side)). 0 for sizes out of range. */
+CONEMAP_API int conemap_level_count(int width, int height);
+
+/* Builds maps[0] as conemap_build does and each further level from the mean heights of the one before, with cones of
+   its own: sizes are halved and rounded down, as textures' mip levels are, and texels are weighted by area, so
+   nothing is dropped. Mip levels of cones themselves, filtered, are safe for nothing.
+   Between two levels with weights 1 - f and f the surface is their blend. Each level has h(q) - h(p) <= |q - p| / tan,
+   so their blend rises by no more than the blend of the slopes 1 / tan: a cone of 1 / ((1 - f) / tan0 + f / tan1) is
+   safe, and so is the narrower of the two. The blend of the tangents themselves, which trilinear samplers return, is
+   wider than that and not safe.
+   maps: overwritten; free each with conemap_free. desc.memory and desc.scratch must be null (UNSUPPORTED). count: 1
+   to conemap_level_count. progress runs once a level. Errors: those of conemap_build; PARAMETER; all maps are then
+   zeroed. */
+CONEMAP_API conemap_result conemap_build_levels(const conemap_desc *desc, conemap_map *maps, int count);
+
+/* Everything that conemap_shade is told. Zeroed: no effects. Arrays stay the caller's. */
+typedef struct conemap_effects {
+    unsigned flags;         /* conemap_effect bits */
+    const conemap_frame *frames; /* null: rays live in the unit box, which is the world */
+    int frame_per_ray;      /* nonzero: frames[k] belongs to rays[k]; 0: frames[0] to all */
+
+    float clip[4];          /* CLIP: least u, least v, greatest u, greatest v; all 0: 0, 0, 1, 1 */
+    const unsigned char *alpha; /* HOLES: one byte a texel of the map, row 0 first */
+    ptrdiff_t alpha_stride; /* bytes from row to row, may be negative; 0: rows touch */
+    int alpha_cut;          /* texels below it are holes; 0: 128. Up to 255 */
+
+    const conemap_map *levels; /* LOD: as conemap_build_levels makes them; traced instead of the map */
+    int level_count;        /* 1 to 16 */
+    const conemap_gradient *gradients; /* UV, LOD, FADE: gradients[k] belongs to rays[k] */
+    float lod_bias;         /* added to the level; -16..16 */
+    int lod_steps;          /* most steps of a ray at level 0, halved with each level, at least 8; where they end a ray
+                               has STEP_CAP and is shaded where it is. 0: no cap. Up to 2^30 */
+    float fade_begin;       /* FADE: pixels that z = 1 stands over z = 0, seen from the side, where fading begins; 0: 2.
+                               Up to 1e6 */
+    float fade_end;         /* and where only the normals are left; 0: fade_begin / 4. Below fade_begin */
+
+    const float *view_projection; /* DEPTH: 16 numbers, see conemap_depth */
+    conemap_depth_range depth_range;
+
+    float light[3];         /* SHADOW, SOFT_SHADOW: towards the light, or its world position. Any length but 0 */
+    int light_is_point;     /* nonzero: a position */
+    float light_radius;     /* SOFT_SHADOW: radians as seen from the hit, up to 1, or the ball's radius if a position;
+                               0: 0.00465, the sun's */
+    int sky_directions;     /* SKY: 0: 8. Up to 1024 */
+    float sky_reach;        /* SKY: what is farther away, in the world, hides nothing; 0: no end */
+} conemap_effects;
+
+/* What is known of a hit. Fields of effects that are off stay as they were, and so do all where there is no hit. */
+typedef struct conemap_shading {
+    float position[3];      /* POSITION, DEPTH: world */
+    float normal[3];        /* NORMAL, SMOOTH_NORMAL: world, unit; of the side where the hit is `inside` by a side */
+    float depth;            /* DEPTH; 0 for a point at or behind the viewer */
+    float shadow;           /* SHADOW, SOFT_SHADOW: 0 dark to 1 lit */
+    float occlusion;        /* OCCLUSION, SKY: 0 closed to 1 open */
+    float uv[2];            /* UV: displaced; not wrapped */
+    conemap_gradient gradient; /* UV */
+    float level;            /* LOD: what was traced */
+    float fade;             /* FADE: 0 relief to 1 normals only */
+} conemap_shading;
+
+/* Traces `count` rays of the world and shades their hits. With no flags it is conemap_trace and shadings may be
+   null.
+   map, trace: as for conemap_trace. With CURVED, with LOD between levels, and behind holes the tracer is always an
+   exact one: cells are met as CONEMAP_TRACE_EXACT meets them, by the cones' guarantee without a miss (relaxed cones
+   are not used).
+   hits: in box coordinates; t is the ray's own. With CURVED z is the height over the bent base. HIT and STEP_CAP are
+   shaded; a host discards the rest.
+
+   CURVED. The base is a quadric over the tangent plane, a graph per fragment as in relief mapping of polygons
+   (Oliveira and Policarpo, 2005), and relief stands on it along the frame's normal. In the box the ray is then a
+   parabola, and cones and cells are stepped with that parabola itself: against this surface nothing is missed.
+   Against a truly bent surface of curvature k it leaves out what is of third order in k times the way from the
+   frame's origin, and that the texture stretches with height by 1 + k depth. |xx| + |xy| and |xy| + |yy| times depth
+   must stay below 1 (PARAMETER), where a surface of that curvature would fold; keep below 0.1 for a good likeness,
+   with a frame at each fragment.
+
+   Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is
+   cut by the horizons in five directions across it, and more where two differ by much: no dithering, no banding.
+
+   OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3
+   times as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its
+   half angle is open.
+
+   Errors: those of conemap_trace; NULL (what a flag needs is missing), PARAMETER, ENUM, UNSUPPORTED (NORMAL with
+   SMOOTH_NORMAL, SHADOW with SOFT_SHADOW, OCCLUSION with SKY; unknown bits; levels of differing wraps), of which
+   nothing is written. A frame per ray or a gradient that is wrong makes its ray INVALID, with PARAMETER. */
+CONEMAP_API conemap_result conemap_shade(const conemap_map *map, const conemap_trace_desc *trace,
+                                         const conemap_effects *effects, const conemap_ray *rays, conemap_hit *hits,
+                                         conemap_shading *shadings, int count);
+
+/* The level, cap and fade that conemap_shade takes for a gradient. fade needs effects->frames[0], or the unit box. */
+typedef struct conemap_lod {
+    float level;            /* 0 and up, of effects->levels */
+    int max_steps;          /* 0: no cap */
+    float fade;             /* 0..1 */
+} conemap_lod;
+CONEMAP_API conemap_result conemap_lod_at(const conemap_map *map, const conemap_effects *effects,
+                                          const conemap_gradient *gradient, conemap_lod *lod);
+
+/* Bakes how much of the sky each texel's centre sees, 0..1, cosine-weighted about its smooth normal: by horizons
+   that are exact in each of `directions` azimuths (0: 64; up to 1024). frame: of it only the vectors' lengths and
+   angles, uv_scale, depth and aspect count; null: the unit box. sky: width * height floats, row 0 first. Each
+   horizon takes 5 to 8 traces' time.
+   Rows first_row .. first_row + rows - 1 are written (at their place), for a host's jobs; rows 0: all.
+   Errors: NULL, PARAMETER. Thread-safe. */
+CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
+                                            int first_row, int rows, float *sky);
 
 #ifdef __cplusplus
 }
@@ -8300,6 +8522,1477 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
     return result;
 }
 
+/* ======================================================================================================
+   E F F E C T S
+
+   Vectors and numbers per fragment are floats, in functions that read the same in a shader. Flights are the
+   tracers' twin for surfaces and rays that those do not know: two levels blended, holes, rays bent by a base.
+   ====================================================================================================== */
+
+#define CONEMAP__LIFT (1.0 / 1048576.0)  /* shadows and sky start so far above the surface, which is inside */
+#define CONEMAP__EVER 1e300              /* a time that does not come */
+#define CONEMAP__FLIGHT_REACH 1048576.0  /* texels that a flight is followed on wrapping axes */
+#define CONEMAP__CHUNK 32                /* rays handed to conemap_trace together */
+
+CONEMAP__INLINE float conemap__dot(const float a[3], const float b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+CONEMAP__INLINE void conemap__cross(const float a[3], const float b[3], float c[3]) {
+    c[0] = a[1] * b[2] - a[2] * b[1];
+    c[1] = a[2] * b[0] - a[0] * b[2];
+    c[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+CONEMAP__INLINE void conemap__add_along(const float p[3], float t, const float d[3], float q[3]) {
+    q[0] = p[0] + t * d[0];
+    q[1] = p[1] + t * d[1];
+    q[2] = p[2] + t * d[2];
+}
+
+/* Unit length; 0 for a vector that has none. Scaled first: squares of small numbers vanish. */
+static int conemap__normalise(float a[3]) {
+    float x = a[0] < 0.0f ? -a[0] : a[0], y = a[1] < 0.0f ? -a[1] : a[1], z = a[2] < 0.0f ? -a[2] : a[2];
+    float longest = conemap__max(conemap__max(x, y), z), length;
+    int k;
+    if (!(longest > 0.0f) || !conemap__finite(longest)) return 0;
+    for (k = 0; k < 3; ++k) a[k] /= longest;
+    length = sqrtf(conemap__dot(a, a));
+    for (k = 0; k < 3; ++k) a[k] /= length;
+    return 1;
+}
+
+/* ---- frames ----------------------------------------------------------------------------------------- */
+
+/* A frame made ready: how the world moves with u, v and z, the inverse, and the curvature in box units. */
+typedef struct conemap__basis {
+    float axis[3][3];    /* world per u, v, z */
+    float inverse[3][3]; /* row k: u, v, z per world; the gradient of that coordinate */
+    float origin[3], offset[2], level;
+    float bend[3];       /* how far the base falls below its tangent plane is (b0 u^2 + 2 b1 u v + b2 v^2) / 2, in z */
+} conemap__basis;
+
+CONEMAP__INLINE int conemap__all_finite(const float *values, int count) {
+    int k;
+    for (k = 0; k < count; ++k)
+        if (!conemap__finite(values[k])) return 0;
+    return 1;
+}
+
+CONEMAP__INLINE float conemap__magnitude(float x) { return x < 0.0f ? -x : x; }
+
+/* flatten: 0 the frame's own depth, towards 1 less of it. toward: the viewing direction if the frame is two-sided. */
+static conemap_result conemap__resolve_frame(const conemap_frame *frame, float flatten, const float *toward, int curved,
+                                             conemap__basis *basis) {
+    static const float plain[3][3] = {{1.0f, 0.0f, 0.0f}, {0.0f, 1.0f, 0.0f}, {0.0f, 0.0f, 1.0f}};
+    float scale_u, scale_v, depth, size, determinant, c0, c1, c2;
+    int k, c;
+    memset(basis, 0, sizeof *basis);
+    memcpy(basis->axis, plain, sizeof plain);
+    memcpy(basis->inverse, plain, sizeof plain);
+    if (!frame) return CONEMAP_OK;
+    if (!conemap__all_finite(frame->origin, 3) || !conemap__all_finite(frame->tangent, 3) ||
+        !conemap__all_finite(frame->bitangent, 3) || !conemap__all_finite(frame->normal, 3) ||
+        !conemap__all_finite(frame->uv_offset, 2) || !conemap__all_finite(frame->uv_scale, 2) ||
+        !conemap__all_finite(frame->curvature, 3) || !conemap__in_range(frame->depth, 0.0f, 1e18f) ||
+        !conemap__in_range(frame->level, 0.0f, 1.0f) ||
+        (frame->aspect != 0.0f && !conemap__in_range(frame->aspect, 1.0f / 32768.0f, 32768.0f)))
+        return CONEMAP_ERROR_PARAMETER;
+    depth = frame->depth == 0.0f ? 1.0f : frame->depth;
+    scale_u = frame->uv_scale[0] == 0.0f ? 1.0f : frame->uv_scale[0];
+    scale_v = (frame->uv_scale[1] == 0.0f ? 1.0f : frame->uv_scale[1]) / (frame->aspect == 0.0f ? 1.0f : frame->aspect);
+    c0 = conemap__magnitude(frame->curvature[0]);
+    c1 = conemap__magnitude(frame->curvature[1]);
+    c2 = conemap__magnitude(frame->curvature[2]);
+    if (curved && !(conemap__max(c0, c2) + c1 < 1.0f / depth)) return CONEMAP_ERROR_PARAMETER;
+    depth *= 1.0f - flatten;
+    memcpy(basis->origin, frame->origin, sizeof basis->origin);
+    memcpy(basis->offset, frame->uv_offset, sizeof basis->offset);
+    basis->level = frame->level;
+    if (conemap__dot(frame->tangent, frame->tangent) + conemap__dot(frame->bitangent, frame->bitangent) +
+            conemap__dot(frame->normal, frame->normal) > 0.0f) {
+        memcpy(basis->axis[0], frame->tangent, sizeof basis->axis[0]);
+        memcpy(basis->axis[1], frame->bitangent, sizeof basis->axis[1]);
+        memcpy(basis->axis[2], frame->normal, sizeof basis->axis[2]);
+    }
+    if (toward) { /* seen from behind: the plane's own normal decides, which a skewed frame's need not be */
+        float normal[3];
+        conemap__cross(basis->axis[0], basis->axis[1], normal);
+        if (conemap__dot(normal, basis->axis[2]) * conemap__dot(normal, toward) > 0.0f)
+            for (k = 0; k < 3; ++k) basis->axis[2][k] = -basis->axis[2][k];
+    }
+    for (k = 0; k < 3; ++k) {
+        basis->axis[0][k] /= scale_u;
+        basis->axis[1][k] /= scale_v;
+        basis->axis[2][k] *= depth;
+    }
+    conemap__cross(basis->axis[1], basis->axis[2], basis->inverse[0]);
+    conemap__cross(basis->axis[2], basis->axis[0], basis->inverse[1]);
+    conemap__cross(basis->axis[0], basis->axis[1], basis->inverse[2]);
+    determinant = conemap__dot(basis->axis[0], basis->inverse[0]);
+    size = sqrtf(conemap__dot(basis->axis[0], basis->axis[0])) * sqrtf(conemap__dot(basis->axis[1], basis->axis[1])) *
+           sqrtf(conemap__dot(basis->axis[2], basis->axis[2]));
+    if (!(conemap__magnitude(determinant) > 1e-6f * size)) return CONEMAP_ERROR_PARAMETER;
+    for (k = 0; k < 3; ++k)
+        for (c = 0; c < 3; ++c) basis->inverse[k][c] /= determinant;
+    if (curved) {
+        basis->bend[0] = frame->curvature[0] / (scale_u * scale_u * depth);
+        basis->bend[1] = frame->curvature[1] / (scale_u * scale_v * depth);
+        basis->bend[2] = frame->curvature[2] / (scale_v * scale_v * depth);
+    }
+    for (k = 0; k < 3; ++k)
+        if (!conemap__all_finite(basis->axis[k], 3) || !conemap__all_finite(basis->inverse[k], 3) ||
+            !conemap__finite(basis->bend[k]))
+            return CONEMAP_ERROR_PARAMETER;
+    return CONEMAP_OK;
+}
+
+/* A world direction per u, v and z. */
+CONEMAP__INLINE void conemap__direction_to_box(const conemap__basis *basis, const float world[3], float box[3]) {
+    box[0] = conemap__dot(basis->inverse[0], world);
+    box[1] = conemap__dot(basis->inverse[1], world);
+    box[2] = conemap__dot(basis->inverse[2], world);
+}
+
+CONEMAP__INLINE void conemap__ray_to_box(const conemap__basis *basis, const conemap_ray *world, conemap_ray *box) {
+    float from[3];
+    conemap__add_along(world->origin, -1.0f, basis->origin, from);
+    box->t_min = world->t_min;
+    box->t_max = world->t_max;
+    conemap__direction_to_box(basis, world->direction, box->direction);
+    conemap__direction_to_box(basis, from, box->origin);
+    box->origin[0] += basis->offset[0];
+    box->origin[1] += basis->offset[1];
+    box->origin[2] += basis->level;
+}
+
+/* How far the base lies below its tangent plane at (u, v), in z. */
+CONEMAP__INLINE float conemap__drop(const conemap__basis *basis, float u, float v) {
+    float x = u - basis->offset[0], y = v - basis->offset[1];
+    return 0.5f * (basis->bend[0] * x * x + 2.0f * basis->bend[1] * x * y + basis->bend[2] * y * y);
+}
+
+/* How that grows along (du, dv). */
+CONEMAP__INLINE float conemap__drop_along(const conemap__basis *basis, float u, float v, float du, float dv) {
+    float x = u - basis->offset[0], y = v - basis->offset[1];
+    return (basis->bend[0] * x + basis->bend[1] * y) * du + (basis->bend[1] * x + basis->bend[2] * y) * dv;
+}
+
+/* And half of how its growth grows: along a ray the height over the base is z0 + z1 t + bend t^2. */
+CONEMAP__INLINE float conemap__bend_along(const conemap__basis *basis, float du, float dv) {
+    return 0.5f * (basis->bend[0] * du * du + 2.0f * basis->bend[1] * du * dv + basis->bend[2] * dv * dv);
+}
+
+CONEMAP__INLINE void conemap__point_to_world(const conemap__basis *basis, const float box[3], float world[3]) {
+    memcpy(world, basis->origin, sizeof basis->origin);
+    conemap__add_along(world, box[0] - basis->offset[0], basis->axis[0], world);
+    conemap__add_along(world, box[1] - basis->offset[1], basis->axis[1], world);
+    conemap__add_along(world, box[2] - basis->level - conemap__drop(basis, box[0], box[1]), basis->axis[2], world);
+}
+
+/* Gradients of the box's coordinates are the rows of the inverse, so the surface z = h - drop has the gradient
+   row2 - z_u row0 - z_v row1, which points to its outer side in mirrored frames too. */
+CONEMAP__INLINE int conemap__normal_to_world(const conemap__basis *basis, float u, float v, float dhdu, float dhdv,
+                                             float normal[3]) {
+    float zu = dhdu - conemap__drop_along(basis, u, v, 1.0f, 0.0f);
+    float zv = dhdv - conemap__drop_along(basis, u, v, 0.0f, 1.0f);
+    conemap__add_along(basis->inverse[2], -zu, basis->inverse[0], normal);
+    conemap__add_along(normal, -zv, basis->inverse[1], normal);
+    return conemap__normalise(normal);
+}
+
+CONEMAP__DEF conemap_result conemap_frame_ray(const conemap_frame *frame, const conemap_ray *world, conemap_ray *box) {
+    conemap__basis basis;
+    conemap_ray ray;
+    conemap_result result;
+    if (!frame || !world || !box) return CONEMAP_ERROR_NULL;
+    result = conemap__resolve_frame(frame, 0.0f, NULL, 0, &basis);
+    if (result != CONEMAP_OK) return result;
+    conemap__ray_to_box(&basis, world, &ray);
+    *box = ray;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_frame_point(const conemap_frame *frame, const float box[3], float world[3]) {
+    conemap__basis basis;
+    conemap_result result;
+    float point[3];
+    if (!frame || !box || !world) return CONEMAP_ERROR_NULL;
+    result = conemap__resolve_frame(frame, 0.0f, NULL, 1, &basis);
+    if (result != CONEMAP_OK) return result;
+    conemap__point_to_world(&basis, box, point);
+    memcpy(world, point, sizeof point);
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_frame_normal(const conemap_frame *frame, float u, float v, const float slope[2],
+                                                 float normal[3]) {
+    conemap__basis basis;
+    conemap_result result;
+    float n[3];
+    if (!frame || !slope || !normal) return CONEMAP_ERROR_NULL;
+    result = conemap__resolve_frame(frame, 0.0f, NULL, 1, &basis);
+    if (result != CONEMAP_OK) return result;
+    if (!conemap__finite(u) || !conemap__finite(v) || !conemap__all_finite(slope, 2) ||
+        !conemap__normal_to_world(&basis, u, v, slope[0], slope[1], n))
+        return CONEMAP_ERROR_PARAMETER;
+    memcpy(normal, n, sizeof n);
+    return CONEMAP_OK;
+}
+
+/* Where a ray meets the plane z = level; 0 if it does not, ahead. */
+static int conemap__meet_plane(const conemap__basis *basis, const conemap_ray *world, float uv[2]) {
+    conemap_ray box;
+    float t;
+    if (!conemap__all_finite(world->origin, 3) || !conemap__all_finite(world->direction, 3)) return 0;
+    conemap__ray_to_box(basis, world, &box);
+    t = (basis->level - box.origin[2]) / box.direction[2];
+    if (box.direction[2] == 0.0f || !conemap__finite(t) || t < 0.0f) return 0;
+    uv[0] = box.origin[0] + t * box.direction[0];
+    uv[1] = box.origin[1] + t * box.direction[1];
+    return 1;
+}
+
+CONEMAP__DEF conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray,
+                                                const conemap_ray *right, const conemap_ray *below,
+                                                conemap_gradient *gradient) {
+    conemap__basis basis;
+    conemap_result result;
+    float uv[3][2];
+    if (!frame || !ray || !right || !below || !gradient) return CONEMAP_ERROR_NULL;
+    result = conemap__resolve_frame(frame, 0.0f, NULL, 0, &basis);
+    if (result != CONEMAP_OK) return result;
+    if (!conemap__meet_plane(&basis, ray, uv[0]) || !conemap__meet_plane(&basis, right, uv[1]) ||
+        !conemap__meet_plane(&basis, below, uv[2]))
+        return CONEMAP_ERROR_PARAMETER;
+    gradient->dudx = uv[1][0] - uv[0][0];
+    gradient->dvdx = uv[1][1] - uv[0][1];
+    gradient->dudy = uv[2][0] - uv[0][0];
+    gradient->dvdy = uv[2][1] - uv[0][1];
+    return CONEMAP_OK;
+}
+
+/* A derivative as the texture returns it, per texel. */
+static float conemap__stored_difference(const conemap_map *map, size_t at, int along_v) {
+    const conemap_texture *texture = &map->info.texture;
+    size_t width = (size_t)map->info.width;
+    float d = conemap__difference(map, (int)(at % width), (int)(at / width), along_v);
+    int flip = along_v && texture->flip_dv;
+    if (texture->layout != CONEMAP_DUMMER) return d;
+    d = conemap__value(texture->format, conemap__code_near(texture->format, flip ? 0.5f - d : 0.5f + d)) - 0.5f;
+    return flip ? -d : d;
+}
+
+CONEMAP__DEF conemap_result conemap_smooth_slope(const conemap_map *map, float u, float v, float slope[2]) {
+    conemap__quad quad;
+    float x, y;
+    int i, j, k;
+    if (!map || !map->heights || !slope) return CONEMAP_ERROR_NULL;
+    if (!conemap__locate(u, map->info.width, map->info.wrap_u, &i, &x) ||
+        !conemap__locate(v, map->info.height, map->info.wrap_v, &j, &y))
+        return CONEMAP_ERROR_POSITION;
+    quad = conemap__cell_quad(map, i, j);
+    for (k = 0; k < 2; ++k) {
+        conemap__corners c;
+        c.h00 = conemap__stored_difference(map, quad.at00, k);
+        c.h10 = conemap__stored_difference(map, quad.at10, k);
+        c.h01 = conemap__stored_difference(map, quad.at01, k);
+        c.h11 = conemap__stored_difference(map, quad.at11, k);
+        slope[k] = conemap__bilinear(c, x, y) * (float)(k ? map->info.height : map->info.width);
+    }
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_depth(const float view_projection[16], const float position[3],
+                                          conemap_depth_range range, float *depth) {
+    const float *m = view_projection, *p = position;
+    float z, w, d;
+    if (!m || !p || !depth) return CONEMAP_ERROR_NULL;
+    if (!CONEMAP__KNOWN(range, CONEMAP_DEPTH_RANGE_COUNT)) return CONEMAP_ERROR_ENUM;
+    z = p[0] * m[2] + p[1] * m[6] + p[2] * m[10] + m[14];
+    w = p[0] * m[3] + p[1] * m[7] + p[2] * m[11] + m[15];
+    if (!conemap__finite(z) || !conemap__finite(w) || !(w > 0.0f)) return CONEMAP_ERROR_PARAMETER;
+    d = range == CONEMAP_DEPTH_ZERO_TO_ONE ? z / w : 0.5f + 0.5f * (z / w);
+    if (!conemap__finite(d)) return CONEMAP_ERROR_PARAMETER;
+    *depth = d;
+    return CONEMAP_OK;
+}
+
+/* ---- levels ----------------------------------------------------------------------------------------- */
+
+CONEMAP__DEF int conemap_level_count(int width, int height) {
+    int count = 1, longest = conemap__maxi(width, height);
+    if (width < 1 || height < 1 || longest > CONEMAP_MAX_SIZE) return 0;
+    for (; longest > 1; longest >>= 1) ++count;
+    return count;
+}
+
+/* Weight of texel k of `from` in texel i of `to`, over which the weights sum to `from`: the overlap of the two. */
+CONEMAP__INLINE double conemap__overlap(int i, int to, int k, int from) {
+    double low = (double)i * (double)from, high = low + (double)from;
+    double a = (double)k * (double)to, b = a + (double)to;
+    return (high < b ? high : b) - (low > a ? low : a);
+}
+
+/* The mean of the heights under each texel of the next level. */
+static void conemap__next_level(const conemap_map *map, int width, int height, float *heights) {
+    int w = map->info.width, h = map->info.height, x, y, i, j;
+    for (y = 0; y < height; ++y)
+        for (x = 0; x < width; ++x) {
+            double sum = 0.0;
+            int i0 = (int)((int64_t)x * w / width), i1 = (int)(((int64_t)(x + 1) * w + width - 1) / width);
+            int j0 = (int)((int64_t)y * h / height), j1 = (int)(((int64_t)(y + 1) * h + height - 1) / height);
+            for (j = j0; j < j1; ++j) {
+                double row = 0.0;
+                for (i = i0; i < i1; ++i) row += conemap__overlap(x, width, i, w) * (double)conemap__height(map, i, j);
+                sum += conemap__overlap(y, height, j, h) * row;
+            }
+            heights[(size_t)y * (size_t)width + (size_t)x] =
+                (float)conemap__clamp01(sum / ((double)w * (double)h));
+        }
+}
+
+CONEMAP__DEF conemap_result conemap_build_levels(const conemap_desc *desc, conemap_map *maps, int count) {
+    conemap_desc next;
+    conemap_result result;
+    void *buffer = NULL;
+    int k, owns = 0;
+    if (!desc || !maps) return CONEMAP_ERROR_NULL;
+    if (count < 1) return CONEMAP_ERROR_PARAMETER;
+    memset(maps, 0, (size_t)count * sizeof *maps);
+    if (desc->memory || desc->scratch) return CONEMAP_ERROR_UNSUPPORTED;
+    result = conemap_memory(desc, NULL, NULL);
+    if (result == CONEMAP_OK && count > conemap_level_count(desc->heights.width, desc->heights.height))
+        result = CONEMAP_ERROR_PARAMETER;
+    if (result == CONEMAP_OK) result = conemap_build(desc, &maps[0]);
+    next = *desc;
+    if (result == CONEMAP_OK && count > 1)
+        result = conemap__take(&desc->allocator, NULL, 0,
+                               (size_t)conemap__maxi(desc->heights.width / 2, 1) *
+                                   (size_t)conemap__maxi(desc->heights.height / 2, 1) * sizeof(float),
+                               &buffer, &owns);
+    for (k = 1; k < count && result == CONEMAP_OK; ++k) {
+        memset(&next.heights, 0, sizeof next.heights);
+        next.heights.pixels = buffer;
+        next.heights.width = conemap__maxi(maps[k - 1].info.width / 2, 1);
+        next.heights.height = conemap__maxi(maps[k - 1].info.height / 2, 1);
+        conemap__next_level(&maps[k - 1], next.heights.width, next.heights.height, (float *)buffer);
+        result = conemap_build(&next, &maps[k]);
+    }
+    if (buffer) conemap__release(&desc->allocator, buffer, owns);
+    if (result != CONEMAP_OK)
+        for (k = 0; k < count; ++k) conemap_free(&maps[k]);
+    return result;
+}
+
+/* ---- flights ---------------------------------------------------------------------------------------- */
+
+/* What rays fly over: a map, or two levels of one blended, within a rectangle of uv, perhaps with holes. */
+typedef struct conemap__scene {
+    const conemap_map *map[2];
+    double weight[2];
+    int maps;
+    double low[2], high[2];     /* the rectangle that has a surface; endless: -EVER, EVER */
+    const unsigned char *alpha; /* null: no holes */
+    ptrdiff_t alpha_stride;
+    int alpha_width, alpha_height, alpha_cut;
+} conemap__scene;
+
+/* One lattice under a flight: the bilinear cells of a level, or the squares of the alpha texels. */
+typedef struct conemap__lattice {
+    double px, py, vx, vy;   /* at t = 0, in cells from the base cell; per t */
+    double leave_i, leave_j; /* when the present cell is left */
+    int base_i, base_j, i, j;
+} conemap__lattice;
+
+/* A ray above a scene. Its height is a parabola: the base that the relief stands on is a quadric, and along a
+   straight ray a quadric is a polynomial of degree two. Positions are straight, so in a cell the surface's height is
+   of degree two as well, for two levels as for one, and the clearance is met exactly by one square root.
+
+   Cones under a parabola. The cone at p holds nothing of the surface: h(q) <= h(p) + |q - p| / tan for every q. From
+   t = 0 above p the ray has height z + z' t + b t^2 and distance s t from p, so it is clear of the surface wherever
+       (z - h(p)) + (z' - s / tan) t + b t^2 > 0,
+   that is up to the first positive root, or for ever if there is none. Nothing is lost to a bound on the curvature:
+   the cone is not narrowed, the ray is bent. With b = 0 it is the cone step of [Dum06]. Between levels 1 / tan is
+   blended, as conemap_build_levels proves. */
+typedef struct conemap__flight {
+    const conemap__scene *scene;
+    conemap__lattice lattice[3];
+    int lattices, cones, solid, wall; /* wall: the axis, 1 u or 2 v, whose border was crossed last on entering solid */
+    double z0, z1, z2, highest, speed;
+    double t, t_end, t_start; /* t counts from t_start, the caller's from 0 */
+    conemap_status end_status;
+} conemap__flight;
+
+/* c + b x + a x^2 */
+typedef struct conemap__quadratic {
+    double c, b, a;
+} conemap__quadratic;
+
+/* The first x in 0..end at which the quadratic is 0 or below; EVER if there is none. In the form that does not
+   cancel. */
+CONEMAP__INLINE double conemap__first_zero(conemap__quadratic p, double end) {
+    double discriminant = p.b * p.b - 4.0 * p.a * p.c, q, first, second;
+    if (p.c <= 0.0) return 0.0;
+    if (discriminant < 0.0) return CONEMAP__EVER;
+    q = -0.5 * (p.b + (p.b < 0.0 ? -sqrt(discriminant) : sqrt(discriminant)));
+    first = q != 0.0 ? p.c / q : CONEMAP__EVER;
+    second = p.a != 0.0 ? q / p.a : CONEMAP__EVER;
+    if (first < 0.0) first = CONEMAP__EVER;
+    if (second >= 0.0 && second < first) first = second;
+    return first <= end ? first : CONEMAP__EVER;
+}
+
+/* Where the surface of one map lies along an axis. */
+static void conemap__extent(const conemap_info *info, int axis, double *low, double *high) {
+    conemap_wrap wrap = axis ? info->wrap_v : info->wrap_u;
+    int size = axis ? info->height : info->width;
+    double border = wrap == CONEMAP_NOTHING && size > 1 ? 0.5 / (double)size : 0.0;
+    *low = wrap == CONEMAP_WRAP ? -CONEMAP__EVER : border;
+    *high = wrap == CONEMAP_WRAP ? CONEMAP__EVER : 1.0 - border;
+}
+
+static void conemap__add_map(conemap__scene *scene, const conemap_map *map, double weight) {
+    int axis;
+    for (axis = 0; axis < 2; ++axis) {
+        double low, high;
+        conemap__extent(&map->info, axis, &low, &high);
+        if (scene->maps == 0 || low > scene->low[axis]) scene->low[axis] = low;
+        if (scene->maps == 0 || high < scene->high[axis]) scene->high[axis] = high;
+    }
+    scene->map[scene->maps] = map;
+    scene->weight[scene->maps++] = weight;
+}
+
+/* Puts one axis of a lattice under a flight that is at `position`; cells begin `shift` before texels' borders. */
+static int conemap__lattice_axis(double position, int size, conemap_wrap wrap, double shift, int cells, double *place) {
+    double x;
+    int cell, first = shift > 0.0 ? -conemap__first_cell(wrap) : 0;
+    position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position);
+    x = position * (double)size - shift;
+    cell = conemap__floord(x);
+    if (wrap != CONEMAP_WRAP) cell = conemap__maxi(first, conemap__mini(cell, first + cells - 1));
+    *place = conemap__clamp01(x - (double)cell);
+    return cell;
+}
+
+static void conemap__lay(const conemap_info *info, int width, int height, double shift, const double at[2],
+                         const double v[2], conemap__lattice *l) {
+    int cells_u = shift > 0.0 ? conemap__cell_count(width, info->wrap_u) : width;
+    int cells_v = shift > 0.0 ? conemap__cell_count(height, info->wrap_v) : height;
+    l->base_i = conemap__lattice_axis(at[0], width, info->wrap_u, shift, cells_u, &l->px);
+    l->base_j = conemap__lattice_axis(at[1], height, info->wrap_v, shift, cells_v, &l->py);
+    l->vx = v[0] * (double)width;
+    l->vy = v[1] * (double)height;
+    l->i = l->j = 0;
+}
+
+/* Narrows [t0, t1] to where low <= o + v t <= high; 0 if nothing is left. *side gets `axis` where it decides t0. */
+static int conemap__narrow(double o, double v, double low, double high, int axis, double *t0, double *t1, int *side) {
+    double a, b;
+    if (v == 0.0) return o >= low && o <= high;
+    if (low <= -CONEMAP__EVER && high >= CONEMAP__EVER) return 1;
+    a = ((v > 0.0 ? low : high) - o) / v;
+    b = ((v > 0.0 ? high : low) - o) / v;
+    if (a > *t0) {
+        *t0 = a;
+        *side = axis;
+    }
+    if (b < *t1) *t1 = b;
+    return *t0 <= *t1;
+}
+
+/* Sets a flight up; 0 if it never comes over the surface. z: height at t = 0, its growth, and the bend. t_max 0:
+   none. */
+static int conemap__take_off(const conemap__scene *scene, const double o[2], const double v[2], const double z[3],
+                             double t_min, double t_max, conemap__flight *f) {
+    const conemap_info *info = &scene->map[0]->info;
+    double t0 = t_min, t1 = t_max == 0.0 || t_max > (double)CONEMAP__FAR ? CONEMAP__EVER : t_max, leave, reach, at[2];
+    int k, relaxed = 0;
+    memset(f, 0, sizeof *f);
+    f->scene = scene;
+    f->t_start = t0;
+    f->t_end = 0.0;
+    f->end_status = CONEMAP_LEFT;
+    leave = t1;
+    if (!conemap__narrow(o[0], v[0], scene->low[0], scene->high[0], 1, &t0, &leave, &f->wall) ||
+        !conemap__narrow(o[1], v[1], scene->low[1], scene->high[1], 2, &t0, &leave, &f->wall))
+        return 0;
+    if (z[0] + (z[1] + z[2] * t0) * t0 < 0.0) { /* up to the floor, through which it comes in */
+        conemap__quadratic below = {-(z[0] + (z[1] + z[2] * t0) * t0), -(z[1] + 2.0 * z[2] * t0), -z[2]};
+        double up = conemap__first_zero(below, leave - t0);
+        if (up >= CONEMAP__EVER) return 0;
+        t0 += up;
+        f->wall = 0;
+    }
+    f->end_status = leave < t1 ? CONEMAP_LEFT : CONEMAP_T_MAX;
+    reach = CONEMAP__FLIGHT_REACH / ((v[0] < 0.0 ? -v[0] : v[0]) * (double)info->width +
+                                     (v[1] < 0.0 ? -v[1] : v[1]) * (double)info->height + 1e-30);
+    if ((info->wrap_u == CONEMAP_WRAP || info->wrap_v == CONEMAP_WRAP) && leave - t0 > reach) {
+        leave = t0 + reach;
+        f->end_status = CONEMAP_STEP_CAP;
+    }
+    f->t_start = t0;
+    f->t_end = leave - t0;
+    f->z0 = z[0] + (z[1] + z[2] * t0) * t0;
+    f->z1 = z[1] + 2.0 * z[2] * t0;
+    f->z2 = z[2];
+    f->speed = sqrt(v[0] * v[0] + (double)info->aspect * (double)info->aspect * v[1] * v[1]);
+    at[0] = o[0] + v[0] * t0;
+    at[1] = o[1] + v[1] * t0;
+    for (k = 0; k < scene->maps; ++k) {
+        const conemap_map *map = scene->map[k];
+        conemap__lay(&map->info, map->info.width, map->info.height, 0.5, at, v, &f->lattice[k]);
+        f->highest += scene->weight[k] * (double)map->highest;
+        relaxed |= map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
+                   map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+    }
+    f->cones = !relaxed;
+    f->lattices = scene->maps;
+    if (scene->alpha)
+        conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, v, &f->lattice[f->lattices++]);
+    return 1;
+}
+
+CONEMAP__INLINE double conemap__border(double p, double v, int cell) {
+    return v > 0.0 ? ((double)(cell + 1) - p) / v : v < 0.0 ? ((double)cell - p) / v : CONEMAP__EVER;
+}
+
+/* Until when the flight stays in its present cells. */
+static double conemap__stay(conemap__flight *f) {
+    double end = CONEMAP__EVER;
+    int k;
+    for (k = 0; k < f->lattices; ++k) {
+        conemap__lattice *l = &f->lattice[k];
+        l->leave_i = conemap__border(l->px, l->vx, l->i);
+        l->leave_j = conemap__border(l->py, l->vy, l->j);
+        if (l->leave_i < end) end = l->leave_i;
+        if (l->leave_j < end) end = l->leave_j;
+    }
+    return end > f->t ? end : f->t;
+}
+
+/* Over a border, or farther: the cell of the position then, but never behind the cell before, whatever rounding
+   says. */
+CONEMAP__INLINE int conemap__onward(double p, double v, double t, double leave, int cell, int jump) {
+    int next = v > 0.0 ? cell + (leave <= t) : v < 0.0 ? cell - (leave <= t) : cell, there;
+    if (!jump || v == 0.0) return next;
+    there = conemap__floord(p + v * t);
+    return v > 0.0 ? conemap__maxi(next, there) : conemap__mini(next, there);
+}
+
+/* Moves to t, which is `end` or later. */
+static void conemap__fly_on(conemap__flight *f, double t, double end) {
+    int k, jump = t > end;
+    for (k = 0; k < f->lattices; ++k) {
+        conemap__lattice *l = &f->lattice[k];
+        if (k == f->scene->maps && (l->leave_i <= t || l->leave_j <= t)) f->wall = l->leave_i <= l->leave_j ? 1 : 2;
+        l->i = conemap__onward(l->px, l->vx, t, l->leave_i, l->i, jump);
+        l->j = conemap__onward(l->py, l->vy, t, l->leave_j, l->j, jump);
+    }
+    f->t = t;
+}
+
+/* Is the flight over a hole? */
+static int conemap__over_hole(const conemap__flight *f) {
+    const conemap__scene *scene = f->scene;
+    const conemap__lattice *l = &f->lattice[scene->maps];
+    const conemap_info *info = &scene->map[0]->info;
+    ptrdiff_t i, j;
+    if (!scene->alpha) return 0;
+    i = conemap__texel_index(l->base_i + l->i, scene->alpha_width, info->wrap_u);
+    j = conemap__texel_index(l->base_j + l->j, scene->alpha_height, info->wrap_v);
+    return (int)scene->alpha[j * scene->alpha_stride + i] < scene->alpha_cut;
+}
+
+/* The surface's height under the flight from now on, in the present cells; and the cones' tangent here, if asked
+   for. */
+static conemap__quadratic conemap__ground(const conemap__flight *f, double *tangent) {
+    conemap__quadratic sum = {0.0, 0.0, 0.0};
+    double steepness = 0.0;
+    int k, closed = 0;
+    for (k = 0; k < f->scene->maps; ++k) {
+        const conemap_map *map = f->scene->map[k];
+        const conemap__lattice *l = &f->lattice[k];
+        conemap__quad quad = conemap__cell_quad(map, l->base_i + l->i, l->base_j + l->j);
+        conemap__corners h = conemap__gather(map->heights, quad);
+        double x = conemap__clamp01(l->px + l->vx * f->t - (double)l->i);
+        double y = conemap__clamp01(l->py + l->vy * f->t - (double)l->j), w = f->scene->weight[k];
+        double h00 = (double)h.h00, hx = (double)h.h10 - h00, hy = (double)h.h01 - h00;
+        double hxy = (double)h.h11 - (double)h.h01 - hx;
+        sum.c += w * (h00 + hx * x + hy * y + hxy * (x * y));
+        sum.b += w * (hx * l->vx + hy * l->vy + hxy * (x * l->vy + y * l->vx));
+        sum.a += w * (hxy * (l->vx * l->vy));
+        if (tangent) {
+            double t = (double)conemap__sample_sectors(map, quad, (float)x, (float)y).tangent;
+            if (t > 0.0)
+                steepness += w / t;
+            else
+                closed |= w > 0.0;
+        }
+    }
+    if (tangent) *tangent = closed ? 0.0 : 1.0 / steepness;
+    return sum;
+}
+
+CONEMAP__INLINE double conemap__flight_z(const conemap__flight *f, double t) { return f->z0 + (f->z1 + f->z2 * t) * t; }
+CONEMAP__INLINE double conemap__flight_rise(const conemap__flight *f, double t) { return f->z1 + 2.0 * f->z2 * t; }
+
+/* How far the flight may go on from here without meeting anything: down to the highest texel, or to the end of the
+   cone. `gap` over the surface. 0: no farther than the cell. */
+static double conemap__free_way(const conemap__flight *f, double gap, double tangent) {
+    double z = conemap__flight_z(f, f->t), rise = conemap__flight_rise(f, f->t);
+    conemap__quadratic room;
+    room.a = f->z2;
+    if (z > f->highest) {
+        room.c = z - f->highest;
+        room.b = rise;
+        return conemap__first_zero(room, CONEMAP__EVER);
+    }
+    if (!f->cones || !(tangent > 0.0) || gap <= CONEMAP__LIFT || f->speed == 0.0) return 0.0;
+    room.c = gap - CONEMAP__LIFT; /* the interpolated apex is off by 1e-7, as in TRACERS */
+    room.b = rise - f->speed / tangent;
+    return conemap__first_zero(room, CONEMAP__EVER);
+}
+
+/* Follows the flight to its first meeting. Returns how it ends; f->t is then where, f->solid whether inside. */
+static conemap_status conemap__fly(conemap__flight *f, int max_steps, int *steps) {
+    int was_hole = 1; /* what is met at once is met from outside */
+    for (*steps = 1;; ++*steps) {
+        double end = conemap__stay(f), next, tangent = 0.0, gap;
+        int hole = conemap__over_hole(f);
+        conemap__quadratic way = conemap__ground(f, f->cones ? &tangent : NULL);
+        if (end > f->t_end) end = f->t_end;
+        gap = conemap__flight_z(f, f->t) - way.c;
+        if (!hole) {
+            double t;
+            way.c = gap;
+            way.b = conemap__flight_rise(f, f->t) - way.b;
+            way.a = f->z2 - way.a;
+            t = conemap__first_zero(way, end - f->t);
+            f->solid = gap <= 0.0 && was_hole;
+            if (t < CONEMAP__EVER) {
+                f->t += t;
+                return CONEMAP_HIT;
+            }
+        } else { /* the floor is all there is to meet */
+            conemap__quadratic fall = {conemap__flight_z(f, f->t), conemap__flight_rise(f, f->t), f->z2};
+            double t = conemap__first_zero(fall, end - f->t);
+            if (t < CONEMAP__EVER) {
+                f->t += t;
+                return CONEMAP_FLOOR;
+            }
+        }
+        was_hole = hole;
+        if (end >= f->t_end) {
+            f->t = f->t_end;
+            return f->end_status;
+        }
+        if (max_steps && *steps >= max_steps) return CONEMAP_STEP_CAP;
+        next = f->t + conemap__free_way(f, gap, tangent);
+        if (next >= f->t_end) {
+            double z = conemap__flight_z(f, f->t_end);
+            f->t = f->t_end;
+            return f->t_end >= CONEMAP__EVER || z > 1.0 ? CONEMAP_LEFT : f->end_status;
+        }
+        conemap__fly_on(f, next > end ? next : end, end);
+    }
+}
+
+/* The steepest growth z1, from `low` to `high`, at which the flight still touches what lies under it: the horizon,
+   as seen from where it takes off. It flies at `low`; whatever rises above it bends it up to touch, exactly, and so
+   it goes on: what was passed below the lower flight is below the higher one. At `high` there is nothing left to
+   learn, nor where the highest texel could raise the horizon by `grain` at most: on maps that wrap peaks of one
+   height never end. */
+static double conemap__horizon(conemap__flight *f, double low, double high, double grain) {
+    f->z1 = low;
+    for (;;) {
+        double end = conemap__stay(f), next, tangent = 0.0, gap;
+        double above = f->highest - f->z0 - f->z2 * f->t * f->t; /* below 0 the horizon rises with t */
+        if (f->z2 >= 0.0 && above <= (f->z1 + grain) * (above > 0.0 ? f->t : f->t_end)) return f->z1;
+        int hole = conemap__over_hole(f);
+        conemap__quadratic ground = conemap__ground(f, f->cones ? &tangent : NULL), way;
+        if (end > f->t_end) end = f->t_end;
+        gap = conemap__flight_z(f, f->t) - ground.c;
+        way.c = gap;
+        way.b = conemap__flight_rise(f, f->t) - ground.b;
+        way.a = f->z2 - ground.a;
+        if (!hole && conemap__first_zero(way, end - f->t) < CONEMAP__EVER) {
+            /* with ground - z0 - z2 t^2 = A + B t + C t^2 from t = 0: the greatest of A / t + B + C t */
+            double c = ground.a - f->z2, b = ground.b - 2.0 * ground.a * f->t;
+            double a = ground.c - f->z0 - (ground.b - ground.a * f->t) * f->t, rise = f->z1;
+            if (a > 0.0 && f->t == 0.0) return high; /* begins inside */
+            if (f->t > 0.0 && a / f->t + b + c * f->t > rise) rise = a / f->t + b + c * f->t;
+            if (end > 0.0 && end < CONEMAP__EVER && a / end + b + c * end > rise) rise = a / end + b + c * end;
+            if (a < 0.0 && c < 0.0) {
+                double t = sqrt(a / c);
+                if (t > f->t && t < end && a / t + b + c * t > rise) rise = a / t + b + c * t;
+            }
+            if (rise >= high) return high;
+            f->z1 = rise;
+            gap = conemap__flight_z(f, f->t) - ground.c;
+        }
+        if (end >= f->t_end) return f->z1;
+        next = f->t + conemap__free_way(f, gap, tangent);
+        if (next >= f->t_end) return f->z1;
+        conemap__fly_on(f, next > end ? next : end, end);
+    }
+}
+
+/* ---- light ------------------------------------------------------------------------------------------ */
+
+/* The share of a disc's strip from y0 to y1 that stands above a horizon which goes from x0 to x1 (all in radii, the
+   disc's middle at 0; x -1..1), and the strip's own area. */
+static void conemap__strip(double y0, double x0, double y1, double x1, double *seen, double *whole) {
+    int k;
+    for (k = 0; k < 4; ++k) {
+        double at = ((double)k + 0.5) * 0.25, y = y0 + (y1 - y0) * at, x = x0 + (x1 - x0) * at;
+        double half = sqrt(1.0 - y * y), part = half - x;
+        *seen += (y1 - y0) * 0.25 * (part < 0.0 ? 0.0 : part > 2.0 * half ? 2.0 * half : part);
+        *whole += (y1 - y0) * 0.25 * 2.0 * half;
+    }
+}
+
+/* A point from which light and sky are looked at: in the box, on or beside the surface. */
+typedef struct conemap__place_of {
+    const conemap__scene *scene;
+    const conemap__basis *basis;
+    float u, v;
+    double z;
+} conemap__place_of;
+
+/* Starts a flight from a place towards a direction of the world. Returns the flight's z1. */
+static double conemap__look(const conemap__place_of *place, const float direction[3], double t_max, conemap__flight *f,
+                            int *meets) {
+    double o[2], v[2], z[3];
+    float d[3];
+    conemap__direction_to_box(place->basis, direction, d);
+    o[0] = (double)place->u;
+    o[1] = (double)place->v;
+    v[0] = (double)d[0];
+    v[1] = (double)d[1];
+    z[0] = place->z;
+    z[1] = (double)(d[2] + conemap__drop_along(place->basis, place->u, place->v, d[0], d[1]));
+    z[2] = (double)conemap__bend_along(place->basis, d[0], d[1]);
+    *meets = conemap__take_off(place->scene, o, v, z, 0.0, t_max, f);
+    return z[1];
+}
+
+/* A light's disc over a place: unit directions towards it and to its side, its radius at distance 1, how much it stands
+   above the base's plane, and how far a step up moves across the line of sight. */
+typedef struct conemap__disc {
+    float light[3], side[3], radius, above, lift, height, t_max;
+} conemap__disc;
+
+/* The horizon, -1..1 radii from the disc's middle upwards, in the direction `y` radii to the side. A direction s
+   units of height above the light's own is s lift / (1 + s above) off it. */
+static double conemap__disc_horizon(const conemap__place_of *place, const conemap__disc *disc, double y) {
+    double rise, down, s, x, r = (double)disc->radius, lift = (double)disc->lift, above = (double)disc->above;
+    double height = (double)disc->height;
+    conemap__flight f;
+    float direction[3];
+    int meets;
+    conemap__add_along(disc->light, (float)y * disc->radius, disc->side, direction);
+    rise = conemap__look(place, direction, (double)disc->t_max, &f, &meets);
+    if (!meets) return -1.0;
+    down = r / ((lift + r * above) * height);
+    s = (conemap__horizon(&f, rise - down, rise + r / ((lift - r * above) * height), down / 1024.0) - rise) * height;
+    x = s * lift / (r * (1.0 + s * above));
+    return x < -1.0 ? -1.0 : x > 1.0 ? 1.0 : x;
+}
+
+/* How much of a light's disc is seen: 0..1. light: unit, towards it. The disc is cut by the horizons in five
+   directions, and between two that differ by much, such as beside a tower, by more, so that no edge moves by a whole
+   strip at once. */
+static float conemap__soft_shadow(const conemap__place_of *place, const float light[3], float radius, float t_max) {
+    conemap__disc disc;
+    float up[3];
+    double y0 = -1.0, x0, seen = 0.0, whole = 0.0;
+    double ends[12], horizons[12]; /* of the strips still to do, the next one last */
+    int k, strips = 0;
+    memcpy(up, place->basis->axis[2], sizeof up);
+    memcpy(disc.light, light, sizeof disc.light);
+    disc.height = sqrtf(conemap__dot(up, up));
+    disc.t_max = t_max;
+    for (k = 0; k < 3; ++k) up[k] /= disc.height;
+    disc.above = conemap__dot(light, up);
+    conemap__cross(light, up, disc.side);
+    disc.lift = sqrtf(conemap__dot(disc.side, disc.side));
+    if (!(disc.lift > 1e-5f) || !conemap__normalise(disc.side)) return disc.above > 0.0f ? 1.0f : 0.0f; /* overhead */
+    /* A disc that holds the zenith is made smaller: beyond it horizons would be looked at upside down. */
+    disc.radius = conemap__min(radius, 0.99f * disc.lift / conemap__max(conemap__magnitude(disc.above), 1e-6f));
+    disc.radius = conemap__max(disc.radius, 1e-6f);
+    x0 = conemap__disc_horizon(place, &disc, y0);
+    for (k = 4; k > 0; --k, ++strips) {
+        ends[strips] = 0.5 * (double)k - 1.0;
+        horizons[strips] = conemap__disc_horizon(place, &disc, ends[strips]);
+    }
+    while (strips > 0) {
+        double y = ends[strips - 1], x = horizons[strips - 1];
+        if ((x - x0) * (x - x0) > 0.0625 && y - y0 > 0.01) { /* half a strip, halved 6 times at most */
+            ends[strips] = 0.5 * (y0 + y);
+            horizons[strips] = conemap__disc_horizon(place, &disc, ends[strips]);
+            ++strips;
+            continue;
+        }
+        conemap__strip(y0, x0, y, x, &seen, &whole);
+        y0 = y;
+        x0 = x;
+        --strips;
+    }
+    return (float)conemap__clamp01(seen / whole);
+}
+
+/* The cosine-weighted part of one azimuth's half circle above a horizon of this slope, for a normal that has
+   `across` towards the azimuth and `up` to the zenith: the integral over elevations e of (across cos e + up sin e)
+   cos e de; twice its mean over all azimuths is the share of the sky. */
+static double conemap__sky_slice(double across, double up, double slope) {
+    double part = 1.0 / (1.0 + slope * slope);
+    return across * (0.78539816339744831 - 0.5 * atan(slope) - 0.5 * slope * part) + 0.5 * up * part;
+}
+
+/* The share of the sky that a place sees about a unit normal of the world. reach: 0 for no end. */
+static float conemap__sky(const conemap__place_of *place, const float normal[3], int directions, float reach) {
+    float up[3], east[3], north[3], height, lean;
+    double sum = 0.0;
+    int k, c;
+    memcpy(up, place->basis->axis[2], sizeof up);
+    height = sqrtf(conemap__dot(up, up));
+    for (k = 0; k < 3; ++k) up[k] /= height;
+    lean = conemap__dot(place->basis->axis[0], up);
+    conemap__add_along(place->basis->axis[0], -lean, up, east);
+    if (!conemap__normalise(east)) return 1.0f;
+    conemap__cross(up, east, north);
+    for (k = 0; k < directions; ++k) {
+        double angle = 6.283185307179586 * ((double)k + 0.5) / (double)directions, across, rise, slope, least;
+        double zenith = (double)conemap__dot(normal, up);
+        float direction[3];
+        conemap__flight f;
+        int meets;
+        for (c = 0; c < 3; ++c) direction[c] = (float)cos(angle) * east[c] + (float)sin(angle) * north[c];
+        across = (double)conemap__dot(normal, direction);
+        /* the surface's own plane hides what is behind it */
+        least = zenith > 1e-4 ? -across / zenith : across > 0.0 ? -1e4 : 1e4;
+        slope = least < -1e4 ? -1e4 : least > 1e4 ? 1e4 : least;
+        rise = conemap__look(place, direction, (double)reach, &f, &meets);
+        if (meets)
+            slope = (conemap__horizon(&f, rise + slope / (double)height, rise + 1e4 / (double)height,
+                                      1.0 / (1024.0 * (double)height)) -
+                     rise) * (double)height;
+        sum += conemap__sky_slice(across, zenith, slope);
+    }
+    return (float)conemap__clamp01(2.0 * sum / (double)directions);
+}
+
+/* Openness guessed from a cone. The cone proves that no horizon is steeper than 1 / tan, in the world `steepest`,
+   and the surface's own slope explains `own` of it. 0.3 of what is left, all around, is the guess, which fits bricks
+   and cliffs best; a cone at max_tan was not stopped by anything, so that much counts as nothing. cos^2 of that
+   horizon is the share of the sky (conemap__sky_slice with across 0). */
+CONEMAP__INLINE float conemap__cone_openness(float tangent, float max_tan, float per_tan, float own) {
+    float steepest = per_tan * (1.0f / conemap__max(tangent, 1e-6f) - 1.0f / max_tan);
+    float rise = 0.3f * conemap__max(steepest - own, 0.0f);
+    return 1.0f / (1.0f + rise * rise);
+}
+
+/* ---- shading ---------------------------------------------------------------------------------------- */
+
+/* Puts a hit that rounding moved past the border back on the surface. */
+CONEMAP__INLINE float conemap__on_surface(float x, const conemap_info *info, int axis) {
+    double low, high;
+    conemap__extent(info, axis, &low, &high);
+    return (double)x < low ? (float)low : (double)x > high ? (float)high : x;
+}
+
+/* The blended surface under a point: height in double precision, slopes, cone. */
+typedef struct conemap__ground_at {
+    double height;
+    float slope[2], smooth[2], tangent, max_tan;
+} conemap__ground_at;
+
+static void conemap__look_up(const conemap__scene *scene, float u, float v, int smooth, conemap__ground_at *ground) {
+    float steepness = 0.0f, least = 0.0f;
+    int k;
+    memset(ground, 0, sizeof *ground);
+    for (k = 0; k < scene->maps; ++k) {
+        const conemap_map *map = scene->map[k];
+        float w = (float)scene->weight[k], s[2] = {0.0f, 0.0f}, x = conemap__on_surface(u, &map->info, 0);
+        float y = conemap__on_surface(v, &map->info, 1);
+        double at[2], still[2] = {0.0, 0.0}, px, py;
+        conemap_sample sample;
+        conemap__lattice l;
+        conemap__corners h;
+        memset(&sample, 0, sizeof sample);
+        conemap_sample_at(map, x, y, &sample);
+        if (smooth) conemap_smooth_slope(map, x, y, s);
+        ground->slope[0] += w * sample.dhdu;
+        ground->slope[1] += w * sample.dhdv;
+        ground->smooth[0] += w * s[0];
+        ground->smooth[1] += w * s[1];
+        steepness += w / conemap__max(sample.tan, 1e-9f);
+        least += w / map->info.max_tan;
+        /* conemap_sample_at's height is off by the place's rounding, which on a cliff of a large map is far too much */
+        at[0] = (double)x;
+        at[1] = (double)y;
+        conemap__lay(&map->info, map->info.width, map->info.height, 0.5, at, still, &l);
+        h = conemap__gather(map->heights, conemap__cell_quad(map, l.base_i, l.base_j));
+        px = (double)h.h00 + ((double)h.h10 - (double)h.h00) * l.px;
+        py = (double)h.h01 + ((double)h.h11 - (double)h.h01) * l.px;
+        ground->height += scene->weight[k] * (px + (py - px) * l.py);
+    }
+    ground->tangent = 1.0f / steepness;
+    ground->max_tan = 1.0f / least;
+}
+
+CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
+    return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
+}
+
+/* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At
+   grazing angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
+CONEMAP__INLINE float conemap__footprint(const conemap_gradient *g, float aspect) {
+    float x = g->dudx * g->dudx + aspect * aspect * g->dvdx * g->dvdx;
+    float y = g->dudy * g->dudy + aspect * aspect * g->dvdy * g->dvdy;
+    float area = aspect * conemap__magnitude(g->dudx * g->dvdy - g->dvdx * g->dudy);
+    float longest = sqrtf(conemap__max(x, y));
+    return longest > 0.0f ? area / longest : 0.0f;
+}
+
+/* log2 of the texels under a pixel, as texture units choose their mip level. */
+CONEMAP__INLINE float conemap__level_of(const conemap_gradient *g, const conemap_info *info) {
+    float w = (float)info->width, h = (float)info->height;
+    float x = g->dudx * g->dudx * w * w + g->dvdx * g->dvdx * h * h;
+    float y = g->dudy * g->dudy * w * w + g->dvdy * g->dvdy * h * h;
+    return 0.5f * log2f(conemap__max(conemap__max(x, y), 1e-30f));
+}
+
+/* 0 while the relief is more than `begin` pixels high, 1 below `end`, smooth between. */
+CONEMAP__INLINE float conemap__fade_of(float pixels, float begin, float end) {
+    float x = (begin - pixels) / (begin - end);
+    x = x < 0.0f ? 0.0f : x > 1.0f ? 1.0f : x;
+    return x * x * (3.0f - 2.0f * x);
+}
+
+static void conemap__choose_lod(const conemap_map *map, const conemap_effects *e, const conemap__basis *basis,
+                                const conemap_gradient *gradient, conemap_lod *lod) {
+    memset(lod, 0, sizeof *lod);
+    if (e->flags & CONEMAP_EFFECT_LOD) {
+        float last = (float)(e->level_count - 1), level = conemap__level_of(gradient, &e->levels[0].info) + e->lod_bias;
+        lod->level = level < 0.0f ? 0.0f : level > last ? last : level;
+        if (e->lod_steps)
+            lod->max_steps = conemap__maxi(8, (int)ceilf((float)e->lod_steps * powf(2.0f, -lod->level)));
+    }
+    if (e->flags & CONEMAP_EFFECT_FADE) {
+        float high = sqrtf(conemap__dot(basis->axis[2], basis->axis[2]) / conemap__dot(basis->axis[0], basis->axis[0]));
+        float pixel = conemap__footprint(gradient, map->info.aspect);
+        lod->fade = conemap__fade_of(high / conemap__max(pixel, 1e-30f), e->fade_begin, e->fade_end);
+    }
+}
+
+/* Checks effects and writes their defaults out. */
+static conemap_result conemap__resolve_effects(const conemap_map *map, conemap_effects *e) {
+    const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
+    const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
+    ptrdiff_t stride;
+    int k;
+    if (e->flags & ~(unsigned)CONEMAP_EFFECT_ALL_BITS) return CONEMAP_ERROR_UNSUPPORTED;
+    if ((e->flags & normals) == normals || (e->flags & shadows) == shadows || (e->flags & skies) == skies)
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if (!e->frames && (e->frame_per_ray || (e->flags & (CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_TWO_SIDED))))
+        return CONEMAP_ERROR_NULL;
+    if (e->flags & CONEMAP_EFFECT_CLIP) {
+        if (!conemap__all_finite(e->clip, 4)) return CONEMAP_ERROR_PARAMETER;
+        if (e->clip[0] == 0.0f && e->clip[1] == 0.0f && e->clip[2] == 0.0f && e->clip[3] == 0.0f)
+            e->clip[2] = e->clip[3] = 1.0f;
+        if (!(e->clip[0] < e->clip[2]) || !(e->clip[1] < e->clip[3])) return CONEMAP_ERROR_PARAMETER;
+    }
+    if (e->flags & CONEMAP_EFFECT_HOLES) {
+        if (!e->alpha) return CONEMAP_ERROR_NULL;
+        if (e->alpha_stride == 0) e->alpha_stride = map->info.width;
+        stride = e->alpha_stride < 0 ? -e->alpha_stride : e->alpha_stride;
+        if (map->info.height > 1 && stride < map->info.width) return CONEMAP_ERROR_STRIDE;
+        if (e->alpha_cut == 0) e->alpha_cut = 128;
+        if (e->alpha_cut < 0 || e->alpha_cut > 255) return CONEMAP_ERROR_PARAMETER;
+    }
+    if ((e->flags & (CONEMAP_EFFECT_UV | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) && !e->gradients)
+        return CONEMAP_ERROR_NULL;
+    if (e->flags & CONEMAP_EFFECT_LOD) {
+        if (!e->levels) return CONEMAP_ERROR_NULL;
+        if (e->level_count < 1 || e->level_count > 16 || !conemap__in_range(e->lod_bias, -16.0f, 16.0f) ||
+            e->lod_steps < 0 || e->lod_steps > (1 << 30))
+            return CONEMAP_ERROR_PARAMETER;
+        for (k = 0; k < e->level_count; ++k) {
+            if (!e->levels[k].heights) return CONEMAP_ERROR_NULL;
+            if (e->levels[k].info.wrap_u != map->info.wrap_u || e->levels[k].info.wrap_v != map->info.wrap_v)
+                return CONEMAP_ERROR_UNSUPPORTED;
+        }
+    }
+    if (e->flags & CONEMAP_EFFECT_FADE) {
+        if (!conemap__in_range(e->fade_begin, 0.0f, 1e6f) || !conemap__in_range(e->fade_end, 0.0f, 1e6f))
+            return CONEMAP_ERROR_PARAMETER;
+        if (e->fade_begin == 0.0f) e->fade_begin = 2.0f;
+        if (e->fade_end == 0.0f) e->fade_end = 0.25f * e->fade_begin;
+        if (!(e->fade_end < e->fade_begin)) return CONEMAP_ERROR_PARAMETER;
+    }
+    if (e->flags & CONEMAP_EFFECT_DEPTH) {
+        if (!e->view_projection) return CONEMAP_ERROR_NULL;
+        if (!CONEMAP__KNOWN(e->depth_range, CONEMAP_DEPTH_RANGE_COUNT)) return CONEMAP_ERROR_ENUM;
+        if (!conemap__all_finite(e->view_projection, 16)) return CONEMAP_ERROR_PARAMETER;
+    }
+    if (e->flags & shadows) {
+        if (!conemap__all_finite(e->light, 3) ||
+            (!e->light_is_point && e->light[0] == 0.0f && e->light[1] == 0.0f && e->light[2] == 0.0f))
+            return CONEMAP_ERROR_PARAMETER;
+        if (!conemap__in_range(e->light_radius, 0.0f, e->light_is_point ? 1e18f : 1.0f)) return CONEMAP_ERROR_PARAMETER;
+        if (e->light_radius == 0.0f) e->light_radius = 0.00465f;
+    }
+    if (e->flags & CONEMAP_EFFECT_SKY) {
+        if (e->sky_directions == 0) e->sky_directions = 8;
+        if (e->sky_directions < 1 || e->sky_directions > 1024 || !conemap__in_range(e->sky_reach, 0.0f, 1e18f))
+            return CONEMAP_ERROR_PARAMETER;
+    }
+    return CONEMAP_OK;
+}
+
+/* What one ray of conemap_shade needs to know. */
+typedef struct conemap__view {
+    const conemap_ray *world;
+    conemap_ray box;
+    conemap__basis basis;   /* as it is traced: flattened by the fade */
+    conemap__basis normals; /* not flattened */
+    conemap__scene scene;
+    conemap_lod lod;
+    conemap_result result;  /* of the frame */
+    int flight;             /* nonzero: not for conemap_trace */
+    int wall;               /* axis of the side that was hit, 1 or 2; 0: none */
+} conemap__view;
+
+/* Does conemap_trace know this scene as it is? */
+CONEMAP__INLINE int conemap__is_plain(const conemap_effects *e) {
+    return !(e->flags & (CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_LOD));
+}
+
+static void conemap__set_scene(const conemap_map *map, const conemap_effects *e, float level, conemap__scene *scene) {
+    memset(scene, 0, sizeof *scene);
+    if (e->flags & CONEMAP_EFFECT_LOD) {
+        int k = conemap__mini((int)level, e->level_count - 1);
+        double f = (double)(level - (float)k);
+        conemap__add_map(scene, &e->levels[k], 1.0 - f);
+        if (f > 0.0 && k + 1 < e->level_count) conemap__add_map(scene, &e->levels[k + 1], f);
+    } else {
+        conemap__add_map(scene, map, 1.0);
+    }
+    if (e->flags & CONEMAP_EFFECT_CLIP) {
+        int axis;
+        for (axis = 0; axis < 2; ++axis) {
+            if ((double)e->clip[axis] > scene->low[axis]) scene->low[axis] = (double)e->clip[axis];
+            if ((double)e->clip[axis + 2] < scene->high[axis]) scene->high[axis] = (double)e->clip[axis + 2];
+        }
+    }
+    if (e->flags & CONEMAP_EFFECT_HOLES) {
+        scene->alpha = e->alpha;
+        scene->alpha_stride = e->alpha_stride;
+        scene->alpha_width = map->info.width;
+        scene->alpha_height = map->info.height;
+        scene->alpha_cut = e->alpha_cut;
+    }
+}
+
+/* Cuts a box ray to the scene's rectangle; 0 if nothing is left. A ray that then ends at t_max has left. */
+static int conemap__cut_ray(const conemap__scene *scene, conemap_ray *ray) {
+    double t0 = (double)ray->t_min, t1 = CONEMAP__EVER;
+    int side, axis;
+    if (ray->t_max != 0.0f && conemap__finite(ray->t_max)) t1 = (double)ray->t_max;
+    for (axis = 0; axis < 2; ++axis)
+        if (!conemap__narrow((double)ray->origin[axis], (double)ray->direction[axis], scene->low[axis],
+                             scene->high[axis], 1, &t0, &t1, &side))
+            return 0;
+    if (t0 >= (double)CONEMAP__FAR) return 0;
+    ray->t_min = (float)t0;
+    if (t1 < (double)CONEMAP__FAR) ray->t_max = conemap__max((float)t1, ray->t_min);
+    return !(ray->t_max == 0.0f && t1 < (double)CONEMAP__FAR); /* an end at 0 would mean none */
+}
+
+static void conemap__put_hit(const conemap_ray *ray, double t, conemap_hit *hit) {
+    hit->t = hit->t_before = hit->t_after = t >= (double)CONEMAP__FAR ? HUGE_VALF : (float)t;
+    hit->u = (float)((double)ray->origin[0] + t * (double)ray->direction[0]);
+    hit->v = (float)((double)ray->origin[1] + t * (double)ray->direction[1]);
+    hit->z = (float)((double)ray->origin[2] + t * (double)ray->direction[2]);
+}
+
+/* Follows a view's ray as a flight, from `from` on. */
+static void conemap__fly_ray(conemap__view *view, double from, int max_steps, conemap_hit *hit) {
+    const conemap_ray *r = &view->box;
+    double o[2], v[2], z[3], longest = 0.0;
+    conemap__flight f;
+    int k;
+    for (k = 0; k < 3; ++k) {
+        double size = (double)conemap__magnitude(r->direction[k]);
+        if (size > longest) longest = size;
+    }
+    for (k = 0; k < 2; ++k) {
+        o[k] = (double)r->origin[k];
+        v[k] = (double)conemap__magnitude(r->direction[k]) < 1e-30 * longest ? 0.0 : (double)r->direction[k];
+    }
+    z[0] = (double)(r->origin[2] + conemap__drop(&view->basis, r->origin[0], r->origin[1]));
+    z[1] = (double)(r->direction[2] + conemap__drop_along(&view->basis, r->origin[0], r->origin[1], r->direction[0],
+                                                          r->direction[1]));
+    z[2] = (double)conemap__bend_along(&view->basis, r->direction[0], r->direction[1]);
+    memset(hit, 0, sizeof *hit);
+    if (conemap__take_off(&view->scene, o, v, z, from, (double)r->t_max, &f))
+        hit->status = conemap__fly(&f, max_steps, &hit->steps);
+    else
+        hit->status = f.end_status;
+    conemap__put_hit(r, f.t_start + f.t, hit);
+    if (f.t < CONEMAP__EVER) hit->z = (float)(z[0] + (z[1] + z[2] * (f.t_start + f.t)) * (f.t_start + f.t));
+    hit->inside = hit->status == CONEMAP_HIT && f.solid;
+    view->wall = hit->inside ? f.wall : 0;
+}
+
+/* Where a view's ray meets the base itself, which is all that is left of relief that has faded. */
+static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
+    const conemap_ray *r = &view->box;
+    conemap__quadratic over;
+    double t, sign;
+    over.c = (double)(r->origin[2] + conemap__drop(&view->basis, r->origin[0], r->origin[1]) - view->basis.level);
+    over.b = (double)(r->direction[2] + conemap__drop_along(&view->basis, r->origin[0], r->origin[1], r->direction[0],
+                                                            r->direction[1]));
+    over.a = (double)conemap__bend_along(&view->basis, r->direction[0], r->direction[1]);
+    sign = over.c < 0.0 ? -1.0 : 1.0; /* from behind as from before */
+    over.c *= sign;
+    over.b *= sign;
+    over.a *= sign;
+    t = conemap__first_zero(over, CONEMAP__EVER);
+    memset(hit, 0, sizeof *hit);
+    hit->status = CONEMAP_LEFT;
+    /* rays begin on the base often enough, and then a little behind it */
+    if (t < (double)r->t_min) t = t < (double)r->t_min * (1.0 - 1e-4) ? CONEMAP__EVER : (double)r->t_min;
+    if (r->t_max != 0.0f && t > (double)r->t_max) {
+        hit->status = CONEMAP_T_MAX;
+        t = (double)r->t_max;
+    } else if (t < CONEMAP__EVER) {
+        const conemap__scene *s = &view->scene;
+        double u = (double)r->origin[0] + t * (double)r->direction[0];
+        double v = (double)r->origin[1] + t * (double)r->direction[1];
+        if (u >= s->low[0] && u <= s->high[0] && v >= s->low[1] && v <= s->high[1])
+            hit->status = CONEMAP_HIT;
+    }
+    conemap__put_hit(r, t, hit);
+    if (hit->status == CONEMAP_HIT) hit->z = view->basis.level;
+}
+
+/* The hole under a hit; 0 if its texel is solid. */
+static int conemap__in_hole(const conemap__scene *scene, const conemap_hit *hit) {
+    const conemap_info *info = &scene->map[0]->info;
+    double at[2], still[2] = {0.0, 0.0};
+    conemap__flight f;
+    at[0] = (double)hit->u;
+    at[1] = (double)hit->v;
+    f.scene = scene;
+    conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, still, &f.lattice[scene->maps]);
+    return conemap__over_hole(&f);
+}
+
+/* Prepares one ray: frame, level, scene, box ray. */
+static void conemap__prepare(const conemap_map *map, const conemap_effects *e, const conemap_ray *ray, int index,
+                             conemap__view *view) {
+    const conemap_frame *frame = e->frames ? &e->frames[e->frame_per_ray ? index : 0] : NULL;
+    const float *toward = e->flags & CONEMAP_EFFECT_TWO_SIDED ? ray->direction : NULL;
+    int curved = (e->flags & CONEMAP_EFFECT_CURVED) != 0;
+    view->world = ray;
+    view->wall = 0;
+    memset(&view->lod, 0, sizeof view->lod);
+    view->result = conemap__resolve_frame(frame, 0.0f, toward, curved, &view->normals);
+    if (view->result != CONEMAP_OK) return;
+    view->basis = view->normals;
+    if (e->flags & (CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) {
+        if (!conemap__finite_gradient(&e->gradients[index])) {
+            view->result = CONEMAP_ERROR_PARAMETER;
+            return;
+        }
+        conemap__choose_lod(map, e, &view->normals, &e->gradients[index], &view->lod);
+    }
+    if (view->lod.fade > 0.0f) {
+        conemap_frame unit;
+        memset(&unit, 0, sizeof unit);
+        conemap__resolve_frame(frame ? frame : &unit, conemap__min(view->lod.fade, 0.9999f), toward, curved,
+                               &view->basis);
+    }
+    conemap__set_scene(map, e, view->lod.level, &view->scene);
+    view->flight = curved || view->scene.maps > 1;
+    conemap__ray_to_box(&view->basis, ray, &view->box);
+}
+
+/* The side of the scene's rectangle that an `inside` hit lies on. */
+static int conemap__side_hit(const conemap__scene *scene, const conemap_ray *ray, const conemap_hit *hit) {
+    double o[2], t0 = 0.0, t1 = CONEMAP__EVER;
+    int side = 0, axis;
+    o[0] = (double)ray->origin[0];
+    o[1] = (double)ray->origin[1];
+    for (axis = 0; axis < 2; ++axis)
+        conemap__narrow(o[axis], (double)ray->direction[axis], scene->low[axis], scene->high[axis], axis + 1, &t0, &t1,
+                        &side);
+    /* only if the hit is where the rectangle is entered, and not where t_min or the floor is */
+    return t0 > 0.0 && (double)hit->t <= t0 * (1.0 + 1e-5) ? side : 0;
+}
+
+/* Everything about a hit but its shadow. Returns the place that light is looked at from. */
+static void conemap__shade_hit(const conemap_effects *e, conemap__view *view, const conemap_hit *hit, int index,
+                               conemap__place_of *place, conemap_shading *s) {
+    const unsigned lights = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
+    const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
+    conemap__ground_at ground;
+    float position[3], normal[3] = {0.0f, 0.0f, 0.0f};
+    if (e->flags & CONEMAP_EFFECT_UV) {
+        s->uv[0] = hit->u;
+        s->uv[1] = hit->v;
+        s->gradient = e->gradients[index];
+    }
+    if (e->flags & CONEMAP_EFFECT_LOD) s->level = view->lod.level;
+    if (e->flags & CONEMAP_EFFECT_FADE) s->fade = view->lod.fade;
+    if (e->flags & (CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_DEPTH)) {
+        conemap__add_along(view->world->origin, hit->t, view->world->direction, position);
+        memcpy(s->position, position, sizeof position);
+        if ((e->flags & CONEMAP_EFFECT_DEPTH) &&
+            conemap_depth(e->view_projection, position, e->depth_range, &s->depth) != CONEMAP_OK)
+            s->depth = 0.0f;
+    }
+    if (!(e->flags & (normals | lights | skies))) return;
+    conemap__look_up(&view->scene, hit->u, hit->v,
+                     (e->flags & (CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_OCCLUSION)) != 0, &ground);
+    place->scene = &view->scene;
+    place->basis = &view->basis;
+    place->u = hit->u;
+    place->v = hit->v;
+    /* A hit of an inexact tracer may lie below the surface, one that ran out of steps above it. */
+    place->z = (double)hit->z > ground.height + CONEMAP__LIFT ? (double)hit->z : ground.height + CONEMAP__LIFT;
+    if (view->wall) { /* just beside the wall, on the ray's side */
+        int axis = view->wall - 1, k;
+        float sign = view->box.direction[axis] > 0.0f ? -1.0f : 1.0f, *at = axis ? &place->v : &place->u;
+        *at += sign * conemap__max(1.0f / 1048576.0f, conemap__magnitude(*at) / 4194304.0f);
+        place->z = (double)hit->z;
+        for (k = 0; k < 3; ++k) normal[k] = sign * view->normals.inverse[axis][k];
+        conemap__normalise(normal);
+    } else {
+        const float *slope = e->flags & CONEMAP_EFFECT_SMOOTH_NORMAL ? ground.smooth : ground.slope;
+        conemap__normal_to_world(&view->normals, hit->u, hit->v, slope[0], slope[1], normal);
+    }
+    if (e->flags & normals) memcpy(s->normal, normal, sizeof normal);
+    if (e->flags & CONEMAP_EFFECT_OCCLUSION) {
+        const conemap__basis *b = &view->basis;
+        float x = conemap__dot(b->axis[0], b->axis[0]), y = conemap__dot(b->axis[1], b->axis[1]);
+        float z = conemap__dot(b->axis[2], b->axis[2]);
+        float own = sqrtf(ground.smooth[0] * ground.smooth[0] * z / x + ground.smooth[1] * ground.smooth[1] * z / y);
+        s->occlusion = view->wall ? 0.5f : conemap__cone_openness(ground.tangent, ground.max_tan, sqrtf(z / x), own);
+    }
+    if (e->flags & CONEMAP_EFFECT_SKY) s->occlusion = conemap__sky(place, normal, e->sky_directions, e->sky_reach);
+}
+
+/* Towards the light from a place: unit direction of the world, and the distance, 0 for a sun. */
+static int conemap__toward_light(const conemap_effects *e, const conemap__place_of *place, float light[3],
+                                 float *distance) {
+    float from[3], box[3];
+    memcpy(light, e->light, 3 * sizeof(float));
+    *distance = 0.0f;
+    if (e->light_is_point) {
+        box[0] = place->u;
+        box[1] = place->v;
+        box[2] = (float)place->z;
+        conemap__point_to_world(place->basis, box, from);
+        conemap__add_along(light, -1.0f, from, light);
+        *distance = sqrtf(conemap__dot(light, light));
+        if (!(*distance > 0.0f)) return 0;
+    }
+    return conemap__normalise(light);
+}
+
+/* Traces the views' rays: those that conemap_trace knows in one call, the others one by one. */
+static void conemap__trace_views(const conemap_map *map, const conemap_trace_desc *trace, const conemap_effects *e,
+                                 conemap__view *views, int count, conemap_hit *hits, conemap_result *result) {
+    conemap_ray rays[CONEMAP__CHUNK];
+    int whole[CONEMAP__CHUNK], k, plain = conemap__is_plain(e);
+    conemap_result answer;
+    for (k = 0; k < count; ++k) {
+        conemap__view *view = &views[k];
+        rays[k] = view->box;
+        whole[k] = 1;
+        if (view->result != CONEMAP_OK) {
+            memset(&rays[k], 0, sizeof rays[k]); /* INVALID by its direction; the frame's result counts */
+            if (*result == CONEMAP_OK) *result = view->result;
+        } else if ((e->flags & CONEMAP_EFFECT_CLIP) && conemap__check_ray(&rays[k]) == CONEMAP_OK) {
+            whole[k] = conemap__cut_ray(&view->scene, &rays[k]);
+            if (!whole[k]) rays[k].t_min = rays[k].t_max = 0.0f;
+        }
+    }
+    if (plain) {
+        answer = conemap_trace(map, trace, rays, hits, count);
+        if (*result == CONEMAP_OK) *result = answer;
+    }
+    for (k = 0; k < count; ++k) {
+        conemap__view *view = &views[k];
+        int max_steps = view->lod.max_steps;
+        if (trace && trace->max_steps && (max_steps == 0 || trace->max_steps < max_steps)) max_steps = trace->max_steps;
+        if (!plain) {
+            answer = conemap__check_ray(&rays[k]);
+            if (answer != CONEMAP_OK) {
+                memset(&hits[k], 0, sizeof hits[k]);
+                hits[k].status = CONEMAP_INVALID;
+                if (*result == CONEMAP_OK) *result = answer;
+                continue;
+            }
+            if (view->lod.fade >= 0.9999f)
+                conemap__meet_base(view, &hits[k]);
+            else if (view->flight)
+                conemap__fly_ray(view, (double)view->box.t_min, max_steps, &hits[k]);
+            else {
+                conemap_trace_desc capped;
+                memset(&capped, 0, sizeof capped);
+                if (trace) capped = *trace;
+                capped.max_steps = max_steps;
+                conemap_trace(view->scene.map[0], &capped, &rays[k], &hits[k], 1);
+            }
+        }
+        if (hits[k].status == CONEMAP_INVALID || (!plain && (view->flight || view->lod.fade >= 0.9999f))) continue;
+        if (!whole[k] || ((e->flags & CONEMAP_EFFECT_CLIP) && hits[k].status == CONEMAP_T_MAX &&
+                          !(view->box.t_max != 0.0f && hits[k].t >= view->box.t_max)))
+            hits[k].status = CONEMAP_LEFT;
+        if (hits[k].status != CONEMAP_HIT) continue;
+        if (view->scene.alpha && conemap__in_hole(&view->scene, &hits[k])) {
+            int steps = hits[k].steps;
+            conemap__fly_ray(view, (double)hits[k].t, max_steps, &hits[k]);
+            hits[k].steps += steps;
+        } else if (hits[k].inside) {
+            view->wall = conemap__side_hit(&view->scene, &view->box, &hits[k]);
+        }
+    }
+}
+
+/* Hard shadows of a chunk: by conemap_trace together where it knows the scene. */
+static void conemap__shade_shadows(const conemap_map *map, const conemap_effects *e, const conemap__view *views,
+                                   const conemap__place_of *places, const int *lit, int count,
+                                   conemap_shading *shadings) {
+    conemap_trace_desc any;
+    conemap_ray rays[CONEMAP__CHUNK];
+    conemap_hit hits[CONEMAP__CHUNK];
+    int which[CONEMAP__CHUNK], k, n = 0, plain = conemap__is_plain(e) && !(e->flags & CONEMAP_EFFECT_HOLES);
+    memset(&any, 0, sizeof any);
+    any.any_hit = 1;
+    for (k = 0; k < count; ++k) {
+        const conemap__place_of *place = &places[k];
+        float light[3], distance;
+        if (!lit[k]) continue;
+        if (!conemap__toward_light(e, place, light, &distance)) {
+            shadings[k].shadow = 1.0f;
+        } else if (e->flags & CONEMAP_EFFECT_SOFT_SHADOW) {
+            float radius = e->light_is_point ? e->light_radius / distance : e->light_radius;
+            shadings[k].shadow = conemap__soft_shadow(place, light, conemap__min(radius, 1.0f), distance);
+        } else if (!plain) {
+            conemap__flight f;
+            int meets, steps;
+            conemap__look(place, light, (double)distance, &f, &meets);
+            shadings[k].shadow = meets && conemap__fly(&f, 0, &steps) == CONEMAP_HIT ? 0.0f : 1.0f;
+        } else {
+            conemap_ray *ray = &rays[n];
+            ray->origin[0] = place->u;
+            ray->origin[1] = place->v;
+            ray->origin[2] = (float)place->z;
+            conemap__direction_to_box(&views[k].basis, light, ray->direction);
+            ray->t_min = 0.0f;
+            ray->t_max = distance;
+            if ((e->flags & CONEMAP_EFFECT_CLIP) && !conemap__cut_ray(&views[k].scene, ray))
+                shadings[k].shadow = 1.0f;
+            else
+                which[n++] = k;
+        }
+    }
+    if (n == 0) return;
+    conemap_trace(map, &any, rays, hits, n);
+    for (k = 0; k < n; ++k) shadings[which[k]].shadow = hits[k].status == CONEMAP_HIT ? 0.0f : 1.0f;
+}
+
+CONEMAP__DEF conemap_result conemap_shade(const conemap_map *map, const conemap_trace_desc *trace,
+                                          const conemap_effects *effects, const conemap_ray *rays, conemap_hit *hits,
+                                          conemap_shading *shadings, int count) {
+    conemap_effects e;
+    conemap__view views[CONEMAP__CHUNK];
+    conemap__place_of places[CONEMAP__CHUNK];
+    conemap_result result;
+    int first, k, lit[CONEMAP__CHUNK];
+    if (!effects || effects->flags == 0) return conemap_trace(map, trace, rays, hits, count);
+    result = conemap_trace(map, trace, rays, hits, count > 0 ? 0 : count); /* checks the rest of what is given */
+    if (result != CONEMAP_OK) return result;
+    if ((!rays || !hits || !shadings) && count > 0) return CONEMAP_ERROR_NULL;
+    e = *effects;
+    result = conemap__resolve_effects(map, &e);
+    if (result == CONEMAP_OK && e.frames && !e.frame_per_ray) /* a wrong frame for all is a wrong call */
+        result = conemap__resolve_frame(e.frames, 0.0f, NULL, (e.flags & CONEMAP_EFFECT_CURVED) != 0, &views[0].basis);
+    if (result != CONEMAP_OK) return result;
+    for (first = 0; first < count; first += CONEMAP__CHUNK) {
+        int n = conemap__mini(count - first, CONEMAP__CHUNK);
+        for (k = 0; k < n; ++k) conemap__prepare(map, &e, &rays[first + k], first + k, &views[k]);
+        conemap__trace_views(map, trace, &e, views, n, &hits[first], &result);
+        for (k = 0; k < n; ++k) {
+            const conemap_hit *hit = &hits[first + k];
+            lit[k] = hit->status == CONEMAP_HIT || hit->status == CONEMAP_STEP_CAP;
+            if (lit[k]) conemap__shade_hit(&e, &views[k], hit, first + k, &places[k], &shadings[first + k]);
+        }
+        if (e.flags & (CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW))
+            conemap__shade_shadows(map, &e, views, places, lit, n, &shadings[first]);
+    }
+    return result;
+}
+
+CONEMAP__DEF conemap_result conemap_lod_at(const conemap_map *map, const conemap_effects *effects,
+                                           const conemap_gradient *gradient, conemap_lod *lod) {
+    conemap_effects e;
+    conemap__basis basis;
+    conemap_result result;
+    conemap_gradient all;
+    if (!map || !map->heights || !effects || !gradient || !lod) return CONEMAP_ERROR_NULL;
+    e = *effects;
+    all = *gradient;
+    e.gradients = &all;
+    result = conemap__resolve_effects(map, &e);
+    if (result == CONEMAP_OK) result = conemap__resolve_frame(e.frames, 0.0f, NULL, 0, &basis);
+    if (result == CONEMAP_OK && !conemap__finite_gradient(&all)) result = CONEMAP_ERROR_PARAMETER;
+    if (result == CONEMAP_OK) conemap__choose_lod(map, &e, &basis, &all, lod);
+    return result;
+}
+
+CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
+                                             int first_row, int rows, float *sky) {
+    conemap__basis basis;
+    conemap__scene scene;
+    conemap__place_of place;
+    conemap_result result;
+    int x, y;
+    if (!map || !map->heights || !sky) return CONEMAP_ERROR_NULL;
+    if (directions < 0 || directions > 1024 || first_row < 0 || rows < 0 || first_row > map->info.height ||
+        rows > map->info.height - first_row)
+        return CONEMAP_ERROR_PARAMETER;
+    if (directions == 0) directions = 64;
+    if (rows == 0) rows = map->info.height - first_row;
+    result = conemap__resolve_frame(frame, 0.0f, NULL, 0, &basis);
+    if (result != CONEMAP_OK) return result;
+    memset(&scene, 0, sizeof scene);
+    conemap__add_map(&scene, map, 1.0);
+    place.scene = &scene;
+    place.basis = &basis;
+    for (y = first_row; y < first_row + rows; ++y)
+        for (x = 0; x < map->info.width; ++x) {
+            float normal[3];
+            place.u = ((float)x + 0.5f) / (float)map->info.width;
+            place.v = ((float)y + 0.5f) / (float)map->info.height;
+            place.z = (double)conemap__height(map, x, y) + CONEMAP__LIFT;
+            conemap__normal_to_world(&basis, place.u, place.v,
+                                     conemap__difference(map, x, y, 0) * (float)map->info.width,
+                                     conemap__difference(map, x, y, 1) * (float)map->info.height, normal);
+            sky[(size_t)y * (size_t)map->info.width + (size_t)x] = conemap__sky(&place, normal, directions, 0.0f);
+        }
+    return CONEMAP_OK;
+}
+
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT DEFAULT
 #elif defined(__GNUC__)
@@ -8333,6 +10026,10 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
 #undef CONEMAP__NEVER
 #undef CONEMAP__APEX_SLACK
 #undef CONEMAP__NOWHERE
+#undef CONEMAP__LIFT
+#undef CONEMAP__EVER
+#undef CONEMAP__FLIGHT_REACH
+#undef CONEMAP__CHUNK
 #undef CONEMAP__KERNEL_LIST
 #undef CONEMAP__ATTRIBUTE
 #undef CONEMAP__X86

@@ -106,17 +106,19 @@ static int bench_tracers(const char *map_name, const struct image *image) {
 }
 
 #include "bench_frusta.h"
+#include "bench_effects.h"
 
 int main(int argc, char **argv) {
     program_name = "bench";
     if (argc > 1) wanted = argv[1];
     progress_begin(&progress, "bench");
-    parts = 3.0 * ROUNDS * 24.0 + ROUNDS;
+    parts = 3.0 * ROUNDS * 26.0 + ROUNDS;
     for (int kind = FBM; kind <= SPIKES; ++kind) {
         const char *name = name_of(procedural_names, kind);
         struct image image;
         if (!procedural_image(kind, 256, 1, &image)) return 1;
         if (!bench_generators(name, &image) || !bench_tracers(name, &image) || !bench_relief(name, &image)) return 1;
+        if (!bench_effects(name, &image)) return 1;
         image_free(&image);
     }
     if (!bench_updates()) return 1;

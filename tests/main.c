@@ -95,6 +95,7 @@ int main(int argument_count, char **arguments)
         {"kernels", kernels_tests},
         {"emit", emit_tests},
         {"frusta", frusta_tests},
+        {"effects", effects_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;
