@@ -6,14 +6,14 @@
 
 #define ROUNDS 5 /* every time is the median of so many interleaved rounds */
 
-static double now(void) { return (double)clock() / (double)CLOCKS_PER_SEC; }
+static EXAMPLE_UNUSED double now(void) { return (double)clock() / (double)CLOCKS_PER_SEC; }
 
-static int by_value(const void *a, const void *b) {
+static EXAMPLE_UNUSED int by_value(const void *a, const void *b) {
     double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
-static double median(const double *values) {
+static EXAMPLE_UNUSED double median(const double *values) {
     double sorted[ROUNDS];
     memcpy(sorted, values, sizeof sorted);
     qsort(sorted, ROUNDS, sizeof sorted[0], by_value);
@@ -21,7 +21,7 @@ static double median(const double *values) {
 }
 
 /* From random points of the box's top, 5 to 85 degrees, on a map a quarter as high as it is wide. */
-static void random_rays(conemap_ray *rays, int count, uint32_t seed) {
+static EXAMPLE_UNUSED void random_rays(conemap_ray *rays, int count, uint32_t seed) {
     memset(rays, 0, (size_t)count * sizeof rays[0]);
     for (int k = 0; k < count; ++k) {
         float random[4];
