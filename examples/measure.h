@@ -13,12 +13,15 @@ static EXAMPLE_UNUSED int by_value(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-static EXAMPLE_UNUSED double median(const double *values) {
-    double sorted[ROUNDS];
-    memcpy(sorted, values, sizeof sorted);
-    qsort(sorted, ROUNDS, sizeof sorted[0], by_value);
-    return sorted[ROUNDS / 2];
+/* Of up to 32 values. */
+static EXAMPLE_UNUSED double median_of(const double *values, int count) {
+    double sorted[32];
+    memcpy(sorted, values, (size_t)count * sizeof sorted[0]);
+    qsort(sorted, (size_t)count, sizeof sorted[0], by_value);
+    return sorted[count / 2];
 }
+
+static EXAMPLE_UNUSED double median(const double *values) { return median_of(values, ROUNDS); }
 
 /* From random points of the box's top, 5 to 85 degrees, on a map a quarter as high as it is wide. */
 static EXAMPLE_UNUSED void random_rays(conemap_ray *rays, int count, uint32_t seed) {
