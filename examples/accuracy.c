@@ -52,7 +52,7 @@ enum { TRACERS = sizeof tracers / sizeof tracers[0] };
 #define SECANT CONEMAP_REFINE_SECANT
 #define BISECT CONEMAP_REFINE_BISECT
 static const struct method chosen[] = {
-    /* cones, tracer, refinement, step cap, one of the ten rows of the summary */
+    /* cones, tracer, refinement, step cap, 1: a row of the summary, 1 or 2: on the contact sheet */
     {"none", "linear", SECANT, 32, 1},
     {"none", "linear", SECANT, 200, 1},
     {"none", "linear", BISECT, 200, 0},
@@ -73,7 +73,7 @@ static const struct method chosen[] = {
     {"quick", "exact", NONE, 0, 0},
     {"sampled", "exact-step", BISECT, 0, 1},
     {"sampled 3x3", "cell-max", BISECT, 0, 0},
-    {"relaxed", "exact-step", BISECT, 0, 0},
+    {"relaxed", "exact-step", BISECT, 0, 2},
     {"relaxed 3x3", "cell-max", BISECT, 0, 0},
     {"hybrid", "cell-max", BISECT, 0, 0},
     {"relaxed safe", "exact", NONE, 0, 0},
@@ -205,12 +205,19 @@ static void view_rays(const struct scene *s, struct rays *rays) {
     float back[3] = {cosf(e) * sinf(a), -cosf(e) * cosf(a), sinf(e)}, right[3] = {cosf(a), sinf(a), 0};
     float up[3] = {-sinf(e) * sinf(a), sinf(e) * cosf(a), cosf(e)};
     float middle[3] = {0.5f, 0.5f * size_y, 0.5f * depth * (float)(s->low + s->high)}, distance = 0.1f;
-    for (int corner = 0; corner < 8; ++corner) { /* far enough away for all corners of the box */
-        float p[3] = {(corner & 1 ? 1 : 0) - middle[0], (corner & 2 ? size_y : 0) - middle[1],
-                      (corner & 4 ? depth * (float)s->high : 0) - middle[2]};
-        float x = p[0] * right[0] + p[1] * right[1], y = p[0] * up[0] + p[1] * up[1] + p[2] * up[2];
-        float toward = p[0] * back[0] + p[1] * back[1] + p[2] * back[2];
-        distance = fmaxf(distance, toward + fmaxf(fabsf(x) * VIEW_H / VIEW_W, fabsf(y)) / (0.95f * field));
+    for (int round = 0; round < 8; ++round) { /* far enough away for all corners of the box, and centred on them */
+        float low = 0, high = 0, needed = 0.1f;
+        for (int corner = 0; corner < 8; ++corner) {
+            float p[3] = {(corner & 1 ? 1 : 0) - middle[0], (corner & 2 ? size_y : 0) - middle[1],
+                          (corner & 4 ? depth * (float)s->high : 0) - middle[2]};
+            float x = p[0] * right[0] + p[1] * right[1], y = p[0] * up[0] + p[1] * up[1] + p[2] * up[2];
+            float toward = p[0] * back[0] + p[1] * back[1] + p[2] * back[2];
+            needed = fmaxf(needed, toward + fmaxf(fabsf(x) * VIEW_H / VIEW_W, fabsf(y)) / (0.97f * field));
+            low = fminf(low, y / (distance - toward > 0.1f ? distance - toward : 0.1f));
+            high = fmaxf(high, y / (distance - toward > 0.1f ? distance - toward : 0.1f));
+        }
+        for (int k = 0; k < 3 && round > 0; ++k) middle[k] += 0.5f * distance * (low + high) * up[k];
+        distance = needed;
     }
     memset(rays->list, 0, sizeof rays->list);
     rays->count = VIEW;
@@ -237,7 +244,7 @@ static void find_truth(const struct scene *s, struct rays *rays) {
     for (int k = 0; k < rays->count; ++k) rays->meets[k] = true_hit(s, &rays->list[k], &rays->truth[k]);
 }
 
-/* A shade for the place where a ray of the view ends: light from the left, brighter where it is high; 1 is the background. */
+/* A shade for the place where a ray of the view ends: light from the left, and brighter where it is high; 1 is the background. */
 static float shade(const struct scene *s, const conemap_map *map, const conemap_ray *ray, int meets, double t) {
     conemap_sample sample;
     float u = (float)((double)ray->origin[0] + t * (double)ray->direction[0]);
@@ -250,7 +257,7 @@ static float shade(const struct scene *s, const conemap_map *map, const conemap_
     if ((double)sample.height > (double)ray->origin[2] + t * (double)ray->direction[2] + 0.02) return 0.12f; /* the block's side */
     float n[3] = {-sample.dhdu * depth, sample.dhdv * depth / size_y, 1};
     float light = (-0.55f * n[0] + 0.25f * n[1] + 0.80f * n[2]) / sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    return 0.15f + 0.60f * fmaxf(light, 0.0f) + 0.15f * sample.height;
+    return 0.15f + 0.30f * fmaxf(light, 0.0f) + 0.45f * (sample.height - (float)s->low) / (float)(s->high - s->low + 1e-9);
 }
 
 static void begin_scene(struct scene *s) {
@@ -418,6 +425,7 @@ static int judge(const struct scene *s, struct result *r) {
     r->cone_texels = cone * r->steps;
     r->generation = r->tracer->cones ? r->cones->seconds : r->tracer->tracer == CONEMAP_TRACE_LINEAR ? 0 : r->cones->seconds;
     r->bytes = r->cones->bytes;
+    r->aperture = r->cones->aperture;
     if (r->cones->kind->from == HEIGHTS_ONLY) { /* heights in f32, and the maxima that are kept */
         r->bytes = 4;
         for (int k = 0; k < r->cones->map.cells.levels && r->tracer->tracer != CONEMAP_TRACE_LINEAR; ++k)
@@ -462,7 +470,8 @@ static int all_methods(struct method *list) {
 }
 
 /* Measures a list of methods: times in interleaved rounds, the rest in the first round. */
-static int measure(struct scene *s, const struct method *list, int count, struct progress *progress, double from, double to) {
+static int measure(struct scene *s, const struct method *list, int count, int rounds, struct progress *progress, double from,
+                   double to) {
     s->count = count;
     for (int m = 0; m < count; ++m) {
         struct result *r = &s->results[m];
@@ -476,16 +485,16 @@ static int measure(struct scene *s, const struct method *list, int count, struct
     }
     for (int k = 0; k < VIEW; ++k)
         s->picture[k] = shade(s, &cones[0].map, &s->view.list[k], s->view.meets[k], s->view.truth[k]);
-    for (int round = 0; round < TIMES; ++round)
+    for (int round = 0; round < rounds; ++round)
         for (int m = 0; m < count; ++m) {
             struct result *r = &s->results[m];
             double start = now();
             if (!trace(r, s->measured)) return 0;
             r->seconds[round] = (now() - start) / s->measured->count;
             if (round == 0 && !judge(s, r)) return 0;
-            progress_show(from + (to - from) * (0.4 + 0.6 * (round * count + m + 1) / (TIMES * count)), progress);
+            progress_show(from + (to - from) * (0.4 + 0.6 * (round * count + m + 1) / (rounds * count)), progress);
         }
-    for (int m = 0; m < count; ++m) s->results[m].time = median_of(s->results[m].seconds, TIMES);
+    for (int m = 0; m < count; ++m) s->results[m].time = median_of(s->results[m].seconds, rounds);
     mark_pareto(s->results, count);
     return 1;
 }
@@ -631,6 +640,207 @@ static int report_apertures(struct progress *progress) {
 
 static struct scene scene;
 
+/* The view once more for each method on the sheet, and the truth first. */
+static int draw_sheet(struct scene *s, const char *path) {
+    enum { COLUMNS = 3, CAPTION = 14, GAP = 6, CELL_W = 2 * VIEW_W + GAP, CELL_H = VIEW_H + CAPTION + GAP };
+    int cell = 1, cells = 1;
+    struct sheet sheet;
+    for (int m = 0; m < s->count; ++m) cells += s->results[m].method->summary > 0;
+    sheet.width = COLUMNS * CELL_W + GAP;
+    sheet.height = (cells + COLUMNS - 1) / COLUMNS * CELL_H + GAP;
+    sheet.pixels = (unsigned char *)malloc((size_t)sheet.width * (size_t)sheet.height * 3);
+    if (!sheet.pixels) return fail("out of memory");
+    memset(sheet.pixels, 255, (size_t)sheet.width * (size_t)sheet.height * 3);
+    put_text(&sheet, GAP, GAP + 2, "TRUTH");
+    static const char *const said[] = {"MAGENTA: FIRST HIT MISSED,", "OR STEPS RAN OUT", "", "RIGHT: STEPS A RAY,",
+                                       "0 BLACK, 64 AND MORE WHITE,", "ON A SQUARE ROOT SCALE"};
+    for (int k = 0; k < 6; ++k) put_text(&sheet, GAP + VIEW_W + 16, GAP + 44 + 14 * k, said[k]);
+    for (int k = 0; k < VIEW; ++k) {
+        double value = (double)s->picture[k];
+        put_pixel(&sheet, GAP + k % VIEW_W, GAP + CAPTION + k / VIEW_W, value, value, value);
+    }
+    for (int m = 0; m < s->count; ++m) {
+        struct result *r = &s->results[m];
+        struct truth_map own = s->truth;
+        char caption[96];
+        int x = GAP + cell % COLUMNS * CELL_W, y = GAP + cell / COLUMNS * CELL_H, bad = 0;
+        double steps = 0;
+        if (r->method->summary == 0) continue;
+        ++cell;
+        if (!trace(r, &s->view)) return 0;
+        own.heights = r->cones->map.heights;
+        for (int k = 0; k < VIEW; ++k) {
+            int px = x + k % VIEW_W, py = y + CAPTION + k / VIEW_W;
+            int wrong = capped(&hits[k]) || is_miss(&own, &s->view.list[k], &hits[k]);
+            double value = (double)shade(s, &r->cones->map, &s->view.list[k], hits[k].status == CONEMAP_HIT, (double)hits[k].t);
+            put_pixel(&sheet, px, py, wrong ? 1 : value, wrong ? 0 : value, wrong ? 1 : value);
+            put_heat(&sheet, px + VIEW_W, py, sqrt(hits[k].steps / 64.0));
+            bad += wrong;
+            steps += hits[k].steps;
+        }
+        snprintf(caption, sizeof caption, "%d: %s: %.2f %% wrong, %.1f steps", m + 1, r->name, bad * 100.0 / VIEW, steps / VIEW);
+        put_text(&sheet, x, y + 3, caption);
+    }
+    int good = png_write(path, sheet.pixels, sheet.width, sheet.height, 3);
+    free(sheet.pixels);
+    return good;
+}
+
+static struct plotted plotted[5];
+
+/* What the plots and the summary need of a map. */
+static void keep_figures(const struct scene *s, struct plotted *to) {
+    memset(to, 0, sizeof *to);
+    snprintf(to->name, sizeof to->name, "%s", s->name);
+    to->width = s->truth.width;
+    to->height = s->truth.height;
+    to->count = s->count < 64 ? s->count : 64;
+    memcpy(to->results, s->results, (size_t)to->count * sizeof to->results[0]);
+    for (int k = 0; k < CONES && to->kinds < 32; ++k)
+        if (cones[k].built && kinds[k].from != HEIGHTS_ONLY) {
+            to->kind[to->kinds] = kinds[k].name;
+            to->generation[to->kinds] = cones[k].seconds * 1e3;
+            to->aperture[to->kinds++] = cones[k].aperture;
+        }
+}
+
+/* Means over the maps of the rows so marked, as README shows them. */
+static void print_summary(int maps) {
+    double least = 1e300, time[64] = {0}, build = 1e300;
+    if (maps < 2) return;
+    puts("\nAll maps: times, steps and build times as geometric means; missed and capped rays: the worst map. Ratios: to the least.\n");
+    for (int m = 0; m < plotted[0].count; ++m) {
+        for (int k = 0; k < maps; ++k) time[m] += log(plotted[k].results[m].time / plotted[k].results[0].time) / maps;
+        time[m] = exp(time[m]);
+        if (plotted[0].results[m].method->summary == 1) least = fmin(least, time[m]);
+        if (plotted[0].results[m].generation > 0) build = fmin(build, plotted[0].results[m].generation);
+    }
+    puts("| method | time | steps | build, ms | missed | capped | mean error, texels | PSNR, dB |");
+    puts("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    for (int m = 0; m < plotted[0].count; ++m) {
+        double steps = 0, generation = 0, missed = 0, unconverged = 0, error = 0, psnr = 1e9;
+        if (plotted[0].results[m].method->summary != 1) continue;
+        for (int k = 0; k < maps; ++k) {
+            const struct result *r = &plotted[k].results[m];
+            steps += log(r->steps) / maps;
+            generation += r->generation > 0 ? log(r->generation * 1e3) / maps : -1e9;
+            missed = fmax(missed, r->missed);
+            unconverged = fmax(unconverged, r->unconverged);
+            error += r->mean_error / maps;
+            psnr = fmin(psnr, r->psnr);
+        }
+        printf("| %s | %.2f | %.1f | %.1f | %.3f %% | %.1f %% | %.2g | %.1f |\n", plotted[0].results[m].name, time[m] / least,
+               exp(steps), exp(generation), missed * 100, unconverged * 100, error, psnr);
+    }
+}
+
+/* ---- the papers' tables ----------------------------------------------------------------------------- */
+
+/* Build times over those of [Dum06]. */
+static void print_generation_tables(void) {
+    static const struct {
+        const char *name, *said;
+        double bv24, amd, nvidia; /* [BV24] Table 1; [VB22], 256 x 256 */
+    } rows[] = {
+        {"none", "[TIS08] maxima", 0.08 / 380, 0.026 / 227, 0.1 / 58.11}, {"ring", "[Dum06]", 1, 1, 1},
+        {"quick", "[VB22] Algorithm 2", 0.35 / 380, 0.028 / 227, 0.088 / 58.11},
+        {"quick center", "[VB22] center", 0, 0.022 / 227, 0.08 / 58.11},
+        {"sampled", "[PO07]", 592.0 / 380, 71.0 / 227, 145.15 / 58.11}, {"relaxed", "[BV24] Algorithm 2", 11.29 / 380, 0, 0},
+    };
+    const struct cones *base = find_cones("ring");
+    if (!base->built) return;
+    puts("\nBuild times over [Dum06]'s: ours (one core), [BV24] Table 1, [VB22]'s table at 256 x 256 on its two GPUs\n");
+    printf("  %-20s %10s %10s %10s %10s\n", "", "ours", "[BV24]", "AMD", "NVIDIA");
+    for (int k = 0; k < (int)(sizeof rows / sizeof rows[0]); ++k) {
+        const struct cones *c = find_cones(rows[k].name);
+        if (!c->built) continue;
+        printf("  %-20s %10.5f", rows[k].said, c->seconds / base->seconds);
+        for (int n = 0; n < 3; ++n) {
+            double theirs = n == 0 ? rows[k].bv24 : n == 1 ? rows[k].amd : rows[k].nvidia;
+            if (theirs > 0) printf(" %10.5f", theirs);
+            else printf(" %10s", "-");
+        }
+        puts("");
+    }
+}
+
+/* [BV24] Table 2 and what its text tells; [VB22]'s table. */
+static int report_papers(struct scene *s, struct progress *progress) {
+    static const char *const columns[] = {"vertex", "vertex 3x3", "quick", "quick 3x3", "sampled", "sampled 3x3", "relaxed",
+                                          "relaxed 3x3"};
+    static const double bv24[2][2][2][8] = {/* cap, refinement, trace */
+        {{{0.59, 0.61, 0.63, 0.65, 0.51, 0.52, 0.58, 0.61}, {0.71, 0.77, 0.84, 0.90, 0.56, 0.57, 0.70, 0.75}},
+         {{0.66, 0.69, 0.70, 0.73, 0.57, 0.58, 0.65, 0.68}, {0.76, 0.82, 0.89, 0.94, 0.60, 0.62, 0.75, 0.80}}},
+        {{{0.74, 0.81, 0.92, 0.98, 0.57, 0.59, 0.72, 0.78}, {0.79, 0.87, 1.09, 1.24, 0.58, 0.60, 0.77, 0.85}},
+         {{0.79, 0.85, 0.98, 1.04, 0.62, 0.64, 0.78, 0.84}, {0.84, 0.92, 1.10, 1.19, 0.62, 0.64, 0.82, 0.89}}}};
+    static const struct {
+        const char *name;
+        double times[2];
+    } others[] = {{"linear", {0.56, 1.88}}, {"qdm", {1.84, 2.31}}, {"maxmip", {1.89, 2.83}}};
+    static const double vb22[2][2][5] = {/* cap, GPU: BFCM, RCMs, RCMb, QI, QC */
+        {{0.18, 0.17, 0.19, 0.20, 0.19}, {0.45, 0.41, 0.45, 0.48, 0.46}},
+        {{0.23, 0.20, 0.21, 0.26, 0.25}, {0.53, 0.46, 0.49, 0.62, 0.59}}};
+    static const char *const labels[] = {"[Dum06]", "3x3", "[VB22]", "3x3", "[PO07]", "3x3", "[BV24]", "3x3"};
+    static struct method list[80];
+    static const int caps[2] = {32, 200};
+    int count = 0, at = 0;
+    double ours[2][2][2][8], other[3][2], center[2];
+    for (int cap = 0; cap < 2; ++cap)
+        for (int refine = 0; refine < 2; ++refine)
+            for (int tracer = 0; tracer < 2; ++tracer)
+                for (int c = 0; c < 8; ++c) {
+                    struct method m = {columns[c], tracer ? "cell-max" : "exact-step", refine ? BISECT : SECANT, caps[cap], 0};
+                    list[count++] = m;
+                }
+    for (int cap = 0; cap < 2; ++cap) {
+        struct method m = {"quick center", "exact-step", SECANT, caps[cap], 0};
+        list[count++] = m;
+        for (int k = 0; k < 3; ++k) {
+            struct method n = {"none", others[k].name, k ? NONE : SECANT, caps[cap], 0};
+            list[count++] = n;
+        }
+    }
+    s->measured = &s->view;
+    if (!measure(s, list, count, ROUNDS, progress, 0.9, 1)) return 0;
+    progress_end(progress);
+    for (int cap = 0; cap < 2; ++cap)
+        for (int refine = 0; refine < 2; ++refine)
+            for (int tracer = 0; tracer < 2; ++tracer)
+                for (int c = 0; c < 8; ++c) ours[cap][refine][tracer][c] = s->results[at++].time;
+    for (int cap = 0; cap < 2; ++cap) {
+        center[cap] = s->results[at++].time;
+        for (int k = 0; k < 3; ++k) other[k][cap] = s->results[at++].time;
+    }
+    print_generation_tables();
+    printf("\n[BV24] Table 2 as ratios, ours / theirs: to [Dum06] by its own trace, secant, 32 steps. Ours: %s, %s\n\n", s->name,
+           s->view.name);
+    printf("  %-15s", "");
+    for (int c = 0; c < 8; ++c) printf("%10s", labels[c]);
+    puts("");
+    for (int cap = 0; cap < 2; ++cap)
+        for (int refine = 0; refine < 2; ++refine)
+            for (int tracer = 0; tracer < 2; ++tracer) {
+                printf("  %3d %s %-8s", caps[cap], refine ? "bis" : "sec", tracer ? "cell-max" : "original");
+                for (int c = 0; c < 8; ++c)
+                    printf(" %4.2f/%4.2f", ours[cap][refine][tracer][c] / ours[0][0][0][0], bv24[cap][refine][tracer][c] / 0.59);
+                puts("");
+            }
+    for (int k = 0; k < 3; ++k)
+        printf("  %-8s 32 steps %.2f/%.2f, 200 steps %.2f/%.2f\n", others[k].name, other[k][0] / ours[0][0][0][0],
+               others[k].times[0] / 0.59, other[k][1] / ours[0][0][0][0], others[k].times[1] / 0.59);
+    puts("\n[VB22]'s table as ratios to brute force (its own trace, secant): ours / AMD / NVIDIA\n");
+    printf("  %-10s %18s %18s %18s %18s\n", "", "[PO07] secant", "[PO07] bisection", "Algorithm 2", "center");
+    for (int cap = 0; cap < 2; ++cap) {
+        double mine[5] = {ours[cap][0][0][0], ours[cap][0][0][4], ours[cap][1][0][4], ours[cap][0][0][2], center[cap]};
+        printf("  %3d steps ", caps[cap]);
+        for (int c = 1; c < 5; ++c)
+            printf("   %4.2f / %4.2f / %4.2f", mine[c] / mine[0], vb22[cap][0][c] / vb22[cap][0][0],
+                   vb22[cap][1][c] / vb22[cap][1][0]);
+        puts("");
+    }
+    return 1;
+}
+
 static int report_map(const struct settings *settings, struct image *image, const char *name, const struct method *list,
                       int count, FILE *csv, struct progress *progress, double from, double to) {
     struct scene *s = &scene;
@@ -643,7 +853,7 @@ static int report_map(const struct settings *settings, struct image *image, cons
     s->truth.height = image->height;
     s->truth.heights = cones[0].map.heights;
     begin_scene(s);
-    if (!measure(s, list, count, progress, from, to)) return 0;
+    if (!measure(s, list, count, TIMES, progress, from, to)) return 0;
     progress_end(progress);
     printf("\n%s, %d x %d, depth %g, %d rays: %s. * nothing is both faster and nearer to the truth\n", name, image->width,
            image->height, (double)settings->depth, s->measured->count, s->measured->name);
@@ -651,6 +861,14 @@ static int report_map(const struct settings *settings, struct image *image, cons
     write_csv(csv, name, image->width, image->height, s->measured->name, s->results, s->count);
     fflush(stdout);
     return 1;
+}
+
+/* A file's name for a picture of a map, without what is odd. */
+static void sheet_path(const char *name, char *path, size_t size) {
+    snprintf(path, size, "out/accuracy-%.40s", name);
+    for (char *c = path + 4; *c; ++c)
+        if (!((*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9') || *c == '-')) *c = '-';
+    strncat(path, ".png", size - strlen(path) - 1);
 }
 
 int main(int argc, char **argv) {
@@ -688,18 +906,34 @@ int main(int argc, char **argv) {
     }
     FILE *csv = fopen("out/accuracy.csv", "w");
     if (csv) fputs(csv_head, csv);
+    static char paths[5][64];
+    const char *sheets[5] = {NULL, NULL, NULL, NULL, NULL};
     int maps = settings.file ? 1 : 5, good = 1;
     for (int k = 0; good && k < maps; ++k) {
         const char *name = settings.file;
+        if (name && strrchr(name, '/')) name = strrchr(name, '/') + 1;
         struct image_options options;
         memset(&options, 0, sizeof options);
         good = settings.file ? image_read(settings.file, &options, &image)
                              : open_map(k, k == WHITE ? CONEMAP_MAX_SIZE : settings.size, &image, &name);
         if (!good) break;
-        good = report_map(&settings, &image, name, list, count, csv, &progress, (double)k / maps, (double)(k + 1) / maps);
+        good = report_map(&settings, &image, name, list, count, csv, &progress, 0.9 * k / maps, 0.9 * (k + 1) / maps);
+        if (good) keep_figures(&scene, &plotted[k]);
+        sheet_path(name, paths[k], sizeof paths[k]);
+        sheets[k] = paths[k];
+        good = good && (!settings.pictures || draw_sheet(&scene, paths[k]));
+        if (good && !settings.file && k == maps - 1) good = report_papers(&scene, &progress);
         free_cones();
         image_free(&image);
     }
-    if (csv && fclose(csv) == 0) printf("\nout/accuracy.csv holds all figures\n");
+    if (csv) fclose(csv);
+    if (!good) return 1;
+    print_summary(maps);
+    FILE *svg = fopen("out/accuracy.svg", "w"), *html = fopen("out/accuracy.html", "w");
+    if (svg) write_svg(svg, plotted, maps);
+    if (html) write_html(html, plotted, maps, sheets);
+    if (svg) fclose(svg);
+    if (html) fclose(html);
+    printf("\nout/accuracy.csv, .svg and .html hold all figures%s\n", settings.pictures ? ", out/accuracy-*.png the views" : "");
     return !good;
 }
