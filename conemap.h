@@ -35,6 +35,7 @@
        T E X T U R E S             upload, bake to bytes, load, format numbers
        S A M P L I N G             height, cone and normal at a point
        V E R I F Y I N G           proof that interpolated cones are empty
+       P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
@@ -46,6 +47,7 @@
        F I L E S                   texture and baked bytes
        S A M P L E R S             bilinear cells
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
+       P L A N S                   the planner's table and its model
        T R A C E R S               the walk through cells, every tracer, refinement
        L I C E N C E               at the end of the file
 
@@ -551,6 +553,61 @@ typedef struct conemap_report {
    HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
                                           const conemap_allocator *allocator, conemap_report *report);
+
+/* ======================================================================================================
+   P L A N N I N G
+   ====================================================================================================== */
+
+/* What the planner needs to know of a heightmap. */
+typedef struct conemap_statistics {
+    int width, height;
+    float mean, highest;    /* of the heights */
+    float roughness;        /* root mean square difference of texels next to each other over that of heights from their
+                               mean: 0 flat or smooth, 1.41 white noise */
+    float aperture;         /* mean of min(tan, 1) of vertex cones, estimated from below at up to 1024 texels; above 0 */
+} conemap_statistics;
+
+/* Looks at a heightmap once and at 1024 of its texels more closely: about 10 ns a texel, and 10 ms.
+   Borders count as clamped, aspect as 1. heights: as in a desc, only read. statistics: overwritten; zeroed on errors. Allocates nothing; thread-safe.
+   Errors: NULL, SIZE, ENUM, STRIDE, OVERFLOW, HEIGHT. */
+CONEMAP_API conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics);
+
+/* What a scene needs. */
+typedef struct conemap_plan_desc {
+    conemap_statistics statistics;
+    float depth;            /* how high the box stands over the width of the map, as rays see it; 0: 0.25 */
+    float lowest_elevation; /* degrees above the ground of the flattest rays; steeper ones are taken to be as many at
+                               every angle. 0: 5. 0.5..90 */
+    float max_missed;       /* share of rays that may miss their first hit, 0..1; 0: no bound by misses */
+    float max_error;        /* mean error of the hits, in texels along the ray; 0: no bound by error. If neither is given,
+                               nothing may be missed and hits are exact */
+    float max_steps;        /* budget of steps a ray, as a mean; 0: none */
+    float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
+    float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
+} conemap_plan_desc;
+
+/* What to build and how to trace it, and what that is predicted to take. */
+typedef struct conemap_planned {
+    conemap_generator generator; /* these five go to the conemap_desc */
+    conemap_guarantee guarantee;
+    int min3x3;
+    conemap_texture texture;
+    int keep_pyramid;
+    conemap_trace_desc trace;
+    float steps;            /* mean of a ray */
+    float time;             /* of a ray, in steps of the default tracer over the default cones */
+    float build_time;       /* of the map, in the same */
+    float missed, error;    /* at most: share of rays, mean texels along the ray */
+    int within_budget;      /* zero: nothing that is tolerated fits the budgets; this is the quickest that is tolerated */
+} conemap_planned;
+
+/* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a small
+   model fitted to measurements (see PLANS in the implementation, and `accuracy`, which prints predictions beside
+   measurements). Steps and times are estimates, mostly within 25 %, at worst off by 2; bounds of misses and errors are
+   those of the roughest maps measured, times 1.25, not proofs; 0 missed is one. Deterministic: nothing is timed.
+   planned: overwritten; zeroed on errors. Errors: NULL, SIZE, PARAMETER (statistics that conemap_get_statistics does
+   not give, or a field out of its range). Thread-safe. */
+CONEMAP_API conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned);
 
 /* ======================================================================================================
    T R A C I N G
@@ -3414,6 +3471,255 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
         }
     report->cells = (size_t)cells_u * (size_t)cells_v;
     conemap__release(&memory_from, memory, owns);
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   P L A N S
+
+   A ray that falls at elevation e moves depth cot(e) sideways on its way down the box; L is the mean of that. Over a
+   map of N texels, whose mean height lies g below the highest, it crosses some n = N L g cells, and L / aperture tells
+   how flat it is beside the cones: q. Mean steps are a sum, with weights that are not negative, of
+       1,  log2(1 + n),  sqrt(q),  sqrt(q) log2(1 + n),  min(q, n),  sqrt(n) min(roughness, 1),
+   and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
+   roughness, and for equal steps as the cells that one of them crosses; their factors are the largest that were measured,
+   times 1.25. Building takes a time for each texel.
+   `accuracy --fit` measures all of this on procedural maps of four kinds and prints the table anew.
+   ====================================================================================================== */
+
+enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_SAMPLES = 32 };
+
+typedef struct conemap__plan_row {
+    conemap_generator generator;
+    conemap_guarantee guarantee;
+    int per_cell;
+    conemap_tracer tracer;
+    conemap_refinement refinement;
+    int max_steps;
+    float steps[CONEMAP__PLAN_TERMS];
+    float ray, step;     /* time */
+    float build;         /* a texel */
+    float missed, error;
+} conemap__plan_row;
+
+static const conemap__plan_row conemap__plan_rows[] = {
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.178f, 1.060f, 0.552f, 0.000f, 0.250f, 0.880f}, 0.00f, 1.00f, 11.3f, 0.00f, 0.00f}, /* steps off by 15 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.313f, 0.958f, 0.659f, 0.000f, 0.159f, 0.805f}, 0.00f, 1.04f, 12.0f, 0.00f, 0.00f}, /* steps off by 16 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
+     {9.304f, 1.866f, 0.000f, 0.000f, 0.399f, 0.322f}, 0.00f, 0.44f, 7.7f, 0.00f, 0.00f}, /* steps off by 17 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.939f, 0.874f, 0.000f, 0.050f, 0.001f, 0.499f}, 0.00f, 1.08f, 7.3f, 0.352f, 23.7f}, /* steps off by 12 % */
+    {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.725f, 1.129f, 0.000f, 0.148f, 0.000f, 0.270f}, 0.00f, 1.04f, 7.8f, 0.332f, 21.8f}, /* steps off by 14 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
+     {0.600f, 0.906f, 0.000f, 0.000f, 0.148f, 0.454f}, 0.09f, 1.03f, 7.3f, 0.462f, 52.5f}, /* steps off by 13 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
+     {1.060f, 0.702f, 0.000f, 0.000f, 0.060f, 0.458f}, 0.55f, 0.91f, 7.3f, 1.89f, 298.f}, /* steps off by 18 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
+     {8.023f, 1.241f, 0.000f, 0.000f, 0.279f, 0.818f}, 0.00f, 0.58f, 7.7f, 0.270f, 23.5f}, /* steps off by 18 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
+     {70.664f, 0.000f, 4.984f, 0.000f, 0.000f, 0.000f}, 0.00f, 0.27f, 7.7f, 0.717f, 32.5f}, /* steps off by 19 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
+     {11.158f, 0.000f, 1.811f, 0.000f, 0.000f, 0.000f}, 0.04f, 0.37f, 7.7f, 0.448f, 38.4f}, /* steps off by 16 % */
+};
+enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
+
+/* The height of a texel; negative where it is none. */
+static float conemap__plan_height(const conemap_heights *h, int x, int y) {
+    const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride + (ptrdiff_t)x * h->pixel_stride;
+    float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
+    if (!conemap__in_range(value, 0.0f, 1.0f)) return -1.0f;
+    return h->is_depth ? 1.0f - value : value;
+}
+
+/* The narrower of `tangent` and of what a height at (dx, dy) texels allows. */
+CONEMAP__INLINE double conemap__plan_narrow(double tangent, double rise, double dx, double dy, double a, double b) {
+    double d2 = dx * dx * a * a + dy * dy * b * b;
+    return rise > 0.0 && d2 < tangent * tangent * rise * rise ? sqrt(d2) / rise : tangent;
+}
+
+/* A vertex cone from below: texels near by one by one, others by maxima over blocks, which lie no nearer than both. */
+static double conemap__plan_cone(const conemap_heights *h, const float *blocks, int block_u, int block_v, int x, int y) {
+    double a = 1.0 / (double)h->width, b = 1.0 / (double)h->height, tangent = 1.0;
+    double apex = (double)conemap__plan_height(h, x, y), margin = (double)(CONEMAP__PLAN_NEAR + 1);
+    int i, j, near = CONEMAP__PLAN_NEAR;
+    for (j = conemap__maxi(0, y - near); j <= conemap__mini(h->height - 1, y + near); ++j)
+        for (i = conemap__maxi(0, x - near); i <= conemap__mini(h->width - 1, x + near); ++i)
+            tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, i, j) - apex, (double)(i - x),
+                                           (double)(j - y), a, b);
+    for (j = 0; j * block_v < h->height; ++j)
+        for (i = 0; i * block_u < h->width; ++i) {
+            double dx = (double)conemap__maxi(0, conemap__maxi(i * block_u - x, x - (i + 1) * block_u + 1));
+            double dy = (double)conemap__maxi(0, conemap__maxi(j * block_v - y, y - (j + 1) * block_v + 1));
+            int inside = i * block_u >= x - near && (i + 1) * block_u <= x + near + 1 && j * block_v >= y - near &&
+                         (j + 1) * block_v <= y + near + 1;
+            if (inside) continue; /* every texel of it was near */
+            if (dx < margin && dy < margin) { /* what is left of it lies outside the square of near texels */
+                if (margin * margin * a * a + dy * dy * b * b < margin * margin * b * b + dx * dx * a * a) dx = margin;
+                else dy = margin;
+            }
+            tangent = conemap__plan_narrow(tangent, (double)blocks[j * CONEMAP__PLAN_BLOCKS + i] - apex, dx, dy, a, b);
+        }
+    return tangent;
+}
+
+CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics) {
+    float blocks[CONEMAP__PLAN_BLOCKS * CONEMAP__PLAN_BLOCKS];
+    conemap_heights h;
+    conemap_result result;
+    double sum = 0.0, squares = 0.0, differences = 0.0, pairs = 0.0, texels, mean, variance, apertures = 0.0;
+    float highest = 0.0f;
+    int x, y, block_u, block_v, count_u, count_v;
+    if (!statistics) return CONEMAP_ERROR_NULL;
+    memset(statistics, 0, sizeof *statistics);
+    if (!heights) return CONEMAP_ERROR_NULL;
+    h = *heights;
+    result = conemap__resolve_heights(&h);
+    if (result != CONEMAP_OK) return result;
+    block_u = (h.width + CONEMAP__PLAN_BLOCKS - 1) / CONEMAP__PLAN_BLOCKS;
+    block_v = (h.height + CONEMAP__PLAN_BLOCKS - 1) / CONEMAP__PLAN_BLOCKS;
+    memset(blocks, 0, sizeof blocks);
+    for (y = 0; y < h.height; ++y) {
+        float before = 0.0f;
+        for (x = 0; x < h.width; ++x) {
+            float value = conemap__plan_height(&h, x, y), *block = &blocks[y / block_v * CONEMAP__PLAN_BLOCKS + x / block_u];
+            double difference = (double)value - (double)before;
+            if (value < 0.0f) return CONEMAP_ERROR_HEIGHT;
+            sum += (double)value;
+            squares += (double)value * (double)value;
+            if (x > 0) {
+                differences += difference * difference;
+                pairs += 1.0;
+            }
+            if (y > 0) {
+                difference = (double)value - (double)conemap__plan_height(&h, x, y - 1);
+                differences += difference * difference;
+                pairs += 1.0;
+            }
+            if (value > *block) *block = value;
+            if (value > highest) highest = value;
+            before = value;
+        }
+    }
+    texels = (double)h.width * (double)h.height;
+    mean = sum / texels;
+    variance = squares / texels - mean * mean;
+    count_u = conemap__mini(h.width, CONEMAP__PLAN_SAMPLES);
+    count_v = conemap__mini(h.height, CONEMAP__PLAN_SAMPLES);
+    for (y = 0; y < count_v; ++y)
+        for (x = 0; x < count_u; ++x)
+            apertures += conemap__plan_cone(&h, blocks, block_u, block_v, (2 * x + 1) * h.width / (2 * count_u),
+                                            (2 * y + 1) * h.height / (2 * count_v));
+    statistics->width = h.width;
+    statistics->height = h.height;
+    statistics->mean = (float)mean;
+    statistics->highest = highest;
+    statistics->roughness = variance > 1e-12 && pairs > 0.0 ? (float)sqrt(differences / pairs / variance) : 0.0f;
+    statistics->aperture = conemap__max((float)(apertures / ((double)count_u * (double)count_v)), 1e-6f);
+    return CONEMAP_OK;
+}
+
+/* The mean cotangent of elevations from this one up, ln(1 / sin e) / (90 degrees - e) in radians: a table spares the
+   header a logarithm. */
+static float conemap__plan_cotangent(float degrees) {
+    static const float at[11][2] = {{0.5f, 3.035f}, {1.0f, 2.606f},  {2.0f, 2.185f},  {5.0f, 1.645f},  {10.0f, 1.254f}, {20.0f, 0.878f},
+                                    {30.0f, 0.662f}, {45.0f, 0.441f}, {60.0f, 0.275f}, {75.0f, 0.132f}, {90.0f, 0.0f}};
+    int k = 0;
+    while (k < 9 && at[k + 1][0] < degrees) ++k;
+    return at[k][1] + (at[k + 1][1] - at[k][1]) * (degrees - at[k][0]) / (at[k + 1][0] - at[k][0]);
+}
+
+/* log2 of x >= 1, straight between powers of two: 0.09 too small at most. */
+static float conemap__plan_log2(float x) {
+    uint32_t bits = conemap__bits(x);
+    return (float)((int)(bits >> 23) - 127) + (float)(bits & 0x7fffffu) / 8388608.0f;
+}
+
+/* The six terms of mean steps; returns n. */
+static float conemap__plan_terms(const conemap_statistics *s, float depth, float lowest, float *terms) {
+    float sideways = depth * conemap__plan_cotangent(lowest);
+    float n = (float)conemap__maxi(s->width, s->height) * sideways * conemap__max(s->highest - s->mean, 0.0f);
+    float q = sideways / s->aperture, log_n = conemap__plan_log2(1.0f + n), root_q = sqrtf(q);
+    terms[0] = 1.0f;
+    terms[1] = log_n;
+    terms[2] = root_q;
+    terms[3] = root_q * log_n;
+    terms[4] = conemap__min(q, n);
+    terms[5] = sqrtf(n) * conemap__min(s->roughness, 1.0f);
+    return n;
+}
+
+/* What misses and errors are taken to grow with. */
+static float conemap__plan_risk(const conemap__plan_row *row, const conemap_statistics *s, float n) {
+    float risk = s->roughness * s->roughness;
+    return row->tracer == CONEMAP_TRACE_LINEAR ? conemap__max(risk, 0.05f) * (1.0f + n) / (float)row->max_steps : risk;
+}
+
+/* The coarsest format whose heights are off by less than the error allowed: half a step, seen along the flattest ray. */
+static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float depth, float lowest, float error) {
+    static const conemap_format formats[2] = {CONEMAP_UNORM8, CONEMAP_UNORM16};
+    float size = (float)conemap__maxi(desc->statistics.width, desc->statistics.height);
+    float along = depth * size * (1.0f + conemap__plan_cotangent(lowest));
+    int k;
+    for (k = 0; k < 2; ++k)
+        if (desc->max_error > 0.0f && error + 0.5f * along / (k == 0 ? 255.0f : 65535.0f) <= desc->max_error) return formats[k];
+    return CONEMAP_F32;
+}
+
+CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned) {
+    const conemap_statistics *s;
+    float depth, lowest, terms[CONEMAP__PLAN_TERMS], n, best = CONEMAP__FAR, texels;
+    int k, term, tolerant;
+    if (!planned) return CONEMAP_ERROR_NULL;
+    memset(planned, 0, sizeof *planned);
+    if (!desc) return CONEMAP_ERROR_NULL;
+    s = &desc->statistics;
+    if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
+    depth = desc->depth == 0.0f ? 0.25f : desc->depth;
+    lowest = desc->lowest_elevation == 0.0f ? 5.0f : desc->lowest_elevation;
+    if (!conemap__in_range(s->mean, 0.0f, 1.0f) || !conemap__in_range(s->highest, 0.0f, 1.0f) ||
+        !conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(s->aperture, 1e-6f, 1.0f) ||
+        !conemap__in_range(depth, 1e-6f, 1e6f) || !conemap__in_range(lowest, 0.5f, 90.0f) ||
+        !conemap__in_range(desc->max_missed, 0.0f, 1.0f) || !conemap__in_range(desc->max_error, 0.0f, 1e9f) ||
+        !conemap__in_range(desc->max_steps, 0.0f, 1e9f) || !conemap__in_range(desc->max_time, 0.0f, 1e9f) ||
+        !conemap__in_range(desc->rays_per_build, 0.0f, 1e30f))
+        return CONEMAP_ERROR_PARAMETER;
+    tolerant = desc->max_missed > 0.0f || desc->max_error > 0.0f;
+    n = conemap__plan_terms(s, depth, lowest, terms);
+    texels = (float)s->width * (float)s->height;
+    for (k = 0; k < (int)CONEMAP__PLAN_ROWS; ++k) {
+        const conemap__plan_row *row = &conemap__plan_rows[k];
+        float steps = 0.0f, risk = conemap__plan_risk(row, s, n), missed = conemap__min(row->missed * risk, 1.0f);
+        float error = row->error * risk, cost;
+        int fits;
+        if (!tolerant && (row->missed > 0.0f || row->error > 0.0f)) continue;
+        if (desc->max_missed > 0.0f && missed > desc->max_missed) continue;
+        if (desc->max_error > 0.0f && error > desc->max_error) continue;
+        for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) steps += row->steps[term] * terms[term];
+        if (row->max_steps) steps = conemap__min(steps, (float)row->max_steps);
+        cost = row->ray + row->step * steps;
+        fits = (desc->max_steps == 0.0f || steps <= desc->max_steps) && (desc->max_time == 0.0f || cost <= desc->max_time);
+        if (desc->rays_per_build > 0.0f) cost += row->build * texels / desc->rays_per_build;
+        if (planned->within_budget > fits || (planned->within_budget == fits && cost >= best)) continue;
+        best = cost;
+        memset(planned, 0, sizeof *planned);
+        planned->generator = row->generator;
+        planned->guarantee = row->guarantee;
+        planned->texture.per_cell = row->per_cell;
+        planned->texture.format = conemap__plan_format(desc, depth, lowest, error);
+        planned->keep_pyramid = row->tracer == CONEMAP_TRACE_MAXMIP || row->tracer == CONEMAP_TRACE_QDM;
+        planned->trace.tracer = row->tracer;
+        planned->trace.refinement = row->refinement;
+        planned->trace.max_steps = row->max_steps;
+        planned->steps = steps;
+        planned->time = row->ray + row->step * steps;
+        planned->build_time = row->build * texels;
+        planned->missed = missed;
+        planned->error = error;
+        planned->within_budget = fits;
+    }
     return CONEMAP_OK;
 }
 

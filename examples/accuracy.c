@@ -4,6 +4,7 @@
 #include "common.h"
 #include "../tests/aperture.h"
 #include "../tests/truth.h"
+#include "../tests/zoo.h"
 #include "measure.h"
 #include "report.h"
 
@@ -92,7 +93,7 @@ static const struct method chosen[] = {
 
 struct settings {
     const char *file;
-    int size, full, camera, apertures, fit, pictures;
+    int size, full, camera, apertures, fit, plans, pictures;
     float elevation, azimuth, depth;
 };
 
@@ -107,6 +108,7 @@ static void print_help(void) {
          "  --depth D            height of the relief; the map is 1 wide (0.25)\n"
          "  --apertures          how near our cones come to the widest safe ones, and their steps; nothing else\n"
          "  --fit                the planner's table for conemap.h, fitted on the procedural maps; nothing else\n"
+         "  --plans              the planner's choices beside what they measure; nothing else\n"
          "  --no-pictures        leave the contact sheet out");
 }
 
@@ -267,8 +269,7 @@ static void begin_scene(struct scene *s) {
         s->low = fmin(s->low, (double)s->truth.heights[k]);
         s->high = fmax(s->high, (double)s->truth.heights[k]);
     }
-    random_rays(s->random.list, RAYS, 11u);
-    for (int k = 0; k < RAYS; ++k) s->random.list[k].direction[2] *= 0.25f / s->settings->depth;
+    random_rays_from(s->random.list, RAYS, 11u, 5.0f, s->settings->depth);
     s->random.count = RAYS;
     snprintf(s->random.name, sizeof s->random.name, "random 5..85 degrees");
     view_rays(s, &s->view);
@@ -636,6 +637,279 @@ static int report_apertures(struct progress *progress) {
     return 1;
 }
 
+/* ---- the planner: fitted, and held against measurements ---------------------------------------------------- */
+
+enum { PLAN_RAYS = 4000, PLANS = CONEMAP__PLAN_ROWS, TERMS = CONEMAP__PLAN_TERMS, PLAN_ROUNDS = 5 };
+
+/* One map under one kind of rays: what each line of the planner's table takes there. */
+struct plan_case {
+    conemap_statistics statistics;
+    float depth, lowest;
+    float terms[TERMS];
+    double n, steps[PLANS], time[PLANS], missed[PLANS], error[PLANS], build[PLANS];
+};
+
+static conemap_map plan_maps[PLANS];
+
+/* Builds what the table's lines need; lines of the same cones share a map. build: seconds a texel. */
+static int plan_build(const struct image *image, double *build) {
+    for (int k = 0; k < PLANS; ++k) {
+        const conemap__plan_row *row = &conemap__plan_rows[k];
+        int same = 0;
+        while (same < k && !(conemap__plan_rows[same].generator == row->generator &&
+                             conemap__plan_rows[same].guarantee == row->guarantee &&
+                             conemap__plan_rows[same].per_cell == row->per_cell))
+            ++same;
+        if (same < k) {
+            plan_maps[k] = plan_maps[same];
+            build[k] = build[same];
+            continue;
+        }
+        conemap_desc desc;
+        memset(&desc, 0, sizeof desc);
+        desc.heights.pixels = image->pixels;
+        desc.heights.format = image->format;
+        desc.heights.width = image->width;
+        desc.heights.height = image->height;
+        desc.generator = row->generator;
+        desc.guarantee = row->guarantee;
+        desc.texture.per_cell = row->per_cell;
+        desc.keep_pyramid = 1;
+        double start = now();
+        conemap_result result = conemap_build(&desc, &plan_maps[k]);
+        build[k] = (now() - start) / ((double)image->width * image->height);
+        if (result != CONEMAP_OK) return fail_result("build", result);
+    }
+    return 1;
+}
+
+static void plan_free(void) {
+    for (int k = 0; k < PLANS; ++k) {
+        for (int n = k + 1; n < PLANS; ++n)
+            if (plan_maps[n].heights == plan_maps[k].heights) memset(&plan_maps[n], 0, sizeof plan_maps[n]);
+        conemap_free(&plan_maps[k]);
+    }
+}
+
+/* Times are in steps of the default tracer over the default cones on this very map, so that no machine comes in. */
+static int plan_measure(const struct image *image, float depth, float lowest, const double *build, struct plan_case *c) {
+    static struct rays rays;
+    static struct scene s;
+    double seconds[PLANS][PLAN_ROUNDS], unit;
+    conemap_heights heights;
+    memset(&heights, 0, sizeof heights);
+    heights.pixels = image->pixels;
+    heights.format = image->format;
+    heights.width = image->width;
+    heights.height = image->height;
+    memset(c, 0, sizeof *c);
+    if (conemap_get_statistics(&heights, &c->statistics) != CONEMAP_OK) return fail("no statistics");
+    c->depth = depth;
+    c->lowest = lowest;
+    c->n = (double)conemap__plan_terms(&c->statistics, depth, lowest, c->terms);
+    s.truth.width = image->width;
+    s.truth.height = image->height;
+    s.truth.heights = plan_maps[0].heights;
+    s.high = (double)c->statistics.highest;
+    random_rays_from(rays.list, PLAN_RAYS, 23u, lowest, depth);
+    rays.count = PLAN_RAYS;
+    find_truth(&s, &rays);
+    for (int round = 0; round < PLAN_ROUNDS; ++round)
+        for (int k = 0; k < PLANS; ++k) {
+            const conemap__plan_row *row = &conemap__plan_rows[k];
+            conemap_trace_desc trace;
+            memset(&trace, 0, sizeof trace);
+            trace.tracer = row->tracer;
+            trace.refinement = row->refinement;
+            trace.max_steps = row->max_steps;
+            double start = now();
+            conemap_result result = conemap_trace(&plan_maps[k], &trace, rays.list, hits, PLAN_RAYS);
+            seconds[k][round] = (now() - start) / PLAN_RAYS;
+            if (result != CONEMAP_OK) return fail_result("trace", result);
+            if (round > 0) continue;
+            for (int n = 0; n < PLAN_RAYS; ++n) {
+                double error = fabs((double)hits[n].t - rays.truth[n]) * image->width;
+                if (!rays.meets[n] && hits[n].status != CONEMAP_HIT && !capped(&hits[n])) error = 0;
+                c->steps[k] += (double)hits[n].steps / PLAN_RAYS;
+                c->error[k] += error / PLAN_RAYS;
+                c->missed[k] += (double)is_miss(&s.truth, &rays.list[n], &hits[n]) / PLAN_RAYS;
+            }
+        }
+    unit = median_of(seconds[0], PLAN_ROUNDS) / c->steps[0];
+    for (int k = 0; k < PLANS; ++k) {
+        c->time[k] = median_of(seconds[k], PLAN_ROUNDS) / unit;
+        c->build[k] = build[k] / unit;
+    }
+    return 1;
+}
+
+/* Weights that are not negative for the least sum of squared relative errors, one after the other until they rest. */
+static void fit_weights(double (*features)[TERMS], const double *values, int count, int terms, double *weights) {
+    for (int k = 0; k < terms; ++k) weights[k] = 0;
+    for (int round = 0; round < 3000; ++round)
+        for (int k = 0; k < terms; ++k) {
+            double wanted = 0, room = 1e-30;
+            for (int n = 0; n < count; ++n) {
+                double predicted = 0, f = features[n][k] / values[n];
+                for (int j = 0; j < terms; ++j) predicted += weights[j] * features[n][j];
+                wanted += (1 - predicted / values[n]) * f;
+                room += f * f;
+            }
+            weights[k] = fmax(0, weights[k] + wanted / room);
+        }
+}
+
+/* The table of conemap.h, PLANS, anew. */
+static int fit_planner(struct progress *progress) {
+    static const float depths[] = {0.1f, 0.25f, 1}, lowests[] = {5, 20, 45};
+    static struct plan_case cases[16 * 9];
+    static double features[16 * 9][TERMS], values[16 * 9];
+    int count = 0, used;
+    for (int kind = FBM; kind <= WHITE; ++kind)
+        for (int size = 64; size <= 512; size *= 2) {
+            struct image image;
+            double build[PLANS];
+            if (!procedural_image(kind, size, 7, &image) || !plan_build(&image, build)) return 0;
+            for (int d = 0; d < 3; ++d)
+                for (int l = 0; l < 3; ++l) {
+                    if (!plan_measure(&image, depths[d], lowests[l], build, &cases[count++])) return 0;
+                    progress_show(count / 144.0, progress);
+                }
+            plan_free();
+            image_free(&image);
+        }
+    progress_end(progress);
+    for (int k = 0; k < PLANS; ++k) {
+        const conemap__plan_row *row = &conemap__plan_rows[k];
+        double steps[TERMS], time[TERMS], build = 0, missed = 0, error = 0, off = 0;
+        int proven = row->tracer == CONEMAP_TRACE_MAXMIP ||
+                     (row->tracer == CONEMAP_TRACE_EXACT && row->guarantee == CONEMAP_GUARANTEE_BILINEAR);
+        used = 0;
+        for (int n = 0; n < count; ++n) {
+            if (row->max_steps && cases[n].steps[k] > 0.6 * row->max_steps) continue; /* it's the cap that counts there */
+            for (int t = 0; t < TERMS; ++t) features[used][t] = (double)cases[n].terms[t];
+            values[used++] = fmax(cases[n].steps[k], 0.1);
+        }
+        fit_weights(features, values, used, TERMS, steps);
+        for (int n = 0; n < used; ++n) {
+            double predicted = 0;
+            for (int t = 0; t < TERMS; ++t) predicted += steps[t] * features[n][t];
+            off += fabs(predicted / values[n] - 1) / used;
+        }
+        for (int n = 0; n < count; ++n) {
+            double risk = (double)conemap__plan_risk(row, &cases[n].statistics, (float)cases[n].n);
+            features[n][0] = 1;
+            features[n][1] = cases[n].steps[k];
+            values[n] = cases[n].time[k];
+            build += log(cases[n].build[k]) / count;
+            missed = fmax(missed, cases[n].missed[k] / risk);
+            error = fmax(error, cases[n].error[k] / risk);
+        }
+        fit_weights(features, values, count, 2, time);
+        printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, CONEMAP_TRACE_%s, CONEMAP_REFINE_%s, %d,\n     {",
+               row->generator == CONEMAP_EXACT ? "EXACT" : row->generator == CONEMAP_QUICK ? "QUICK" : "QUICK_NAIVE",
+               row->guarantee == CONEMAP_GUARANTEE_BILINEAR ? "BILINEAR" : "VERTEX", row->per_cell,
+               row->tracer == CONEMAP_TRACE_EXACT        ? "EXACT"
+               : row->tracer == CONEMAP_TRACE_MAXMIP     ? "MAXMIP"
+               : row->tracer == CONEMAP_TRACE_QDM        ? "QDM"
+               : row->tracer == CONEMAP_TRACE_CELL_MAX   ? "CELL_MAX"
+               : row->tracer == CONEMAP_TRACE_EXACT_STEP ? "EXACT_STEP"
+                                                         : "LINEAR",
+               row->refinement == CONEMAP_REFINE_SECANT ? "SECANT" : "NONE", row->max_steps);
+        for (int t = 0; t < TERMS; ++t) printf("%s%.3ff", t ? ", " : "", steps[t]);
+        printf("}, %.2ff, %.2ff, %.1ff, %#.3gf, %#.3gf}, /* steps off by %.0f %% */\n", time[0], time[1], exp(build),
+               proven ? 0 : 1.25 * missed, proven ? 0 : 1.25 * error, off * 100);
+    }
+    return 1;
+}
+
+/* Maps that the planner was not fitted on: other seeds, other sizes, the elevation model, and the zoo of the tests. */
+static int report_plans(struct progress *progress) {
+    static const struct {
+        const char *name;
+        float missed, error;
+    } needs[] = {{"no miss", 0, 0},        {"missed 0.1 %", 0.001f, 0}, {"missed 1 %", 0.01f, 0},
+                 {"missed 10 %", 0.1f, 0}, {"error 0.1", 0, 0.1f},      {"error 1", 0, 1}};
+    static const int zoo[] = {ZOO_FBM, ZOO_BRICKS, ZOO_CLIFF, ZOO_CHECKERBOARD};
+    enum { NEEDS = sizeof needs / sizeof needs[0], MAPS = 9 };
+    double worst = 0, step_error = 0;
+    int broken = 0, planned_count = 0;
+    puts("\nThe planner on maps that it was not fitted on: prediction / measurement. time: of its choice over the cheapest of its\n"
+         "methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5 degrees up; then 0.5, from 15.\n");
+    printf("  %-22s %-13s %-25s %13s %15s %15s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error", "time");
+    for (int m = 0; m < MAPS; ++m) {
+        struct image image;
+        const char *name;
+        double build[PLANS];
+        if (m < 5) {
+            if (!open_map(m, m < WHITE ? 300 : CONEMAP_MAX_SIZE, &image, &name)) return 0;
+        } else {
+            image.width = 260;
+            image.height = 200;
+            image.format = CONEMAP_F32;
+            image.pixels = malloc(sizeof(float) * 260 * 200);
+            if (!image.pixels) return fail("out of memory");
+            zoo_fill(zoo[m - 5], 260, 200, 5, (float *)image.pixels);
+            name = zoo_name(zoo[m - 5]);
+        }
+        if (!plan_build(&image, build)) return 0;
+        for (int view = 0; view < 2; ++view) {
+            static struct plan_case c;
+            if (!plan_measure(&image, view ? 0.5f : 0.25f, view ? 15.0f : 5.0f, build, &c)) return 0;
+            progress_show((2 * m + view + 1) / (2.0 * MAPS), progress);
+            progress_end(progress);
+            for (int k = 0; k < NEEDS; ++k) {
+                conemap_plan_desc desc;
+                conemap_planned plan;
+                double cheapest = 1e300;
+                char label[64], chosen_name[64];
+                int row = 0, meets;
+                memset(&desc, 0, sizeof desc);
+                desc.statistics = c.statistics;
+                desc.depth = c.depth;
+                desc.lowest_elevation = c.lowest;
+                desc.max_missed = needs[k].missed;
+                desc.max_error = needs[k].error;
+                if (conemap_plan(&desc, &plan) != CONEMAP_OK) return fail("no plan");
+                for (int n = 0; n < PLANS; ++n) {
+                    const conemap__plan_row *r = &conemap__plan_rows[n];
+                    int exact = needs[k].missed <= 0 && needs[k].error <= 0;
+                    if (r->generator == plan.generator && r->guarantee == plan.guarantee && r->per_cell == plan.texture.per_cell &&
+                        r->tracer == plan.trace.tracer && r->max_steps == plan.trace.max_steps)
+                        row = n;
+                    if (exact ? c.missed[n] > 0 || c.error[n] > 1e-3
+                              : (needs[k].missed > 0 && c.missed[n] > (double)needs[k].missed) ||
+                                    (needs[k].error > 0 && c.error[n] > (double)needs[k].error))
+                        continue;
+                    cheapest = fmin(cheapest, c.time[n]);
+                }
+                meets = needs[k].missed <= 0 && needs[k].error <= 0
+                            ? !(c.missed[row] > 0) && c.error[row] < 1e-3
+                            : (!(needs[k].missed > 0) || c.missed[row] <= (double)needs[k].missed) &&
+                                  (!(needs[k].error > 0) || c.error[row] <= (double)needs[k].error);
+                broken += !meets;
+                worst = fmax(worst, c.time[row] / cheapest);
+                step_error += fabs((double)plan.steps / c.steps[row] - 1);
+                ++planned_count;
+                snprintf(label, sizeof label, "%s %dx%d%s", name, image.width, image.height, view ? " b" : "");
+                snprintf(chosen_name, sizeof chosen_name, "%s%s%s", name_of(tracer_names, (int)plan.trace.tracer),
+                         plan.texture.per_cell ? ", cells" : plan.guarantee == CONEMAP_GUARANTEE_BILINEAR ? ", safe"
+                         : plan.keep_pyramid || plan.trace.tracer == CONEMAP_TRACE_LINEAR ? ""
+                         : plan.generator == CONEMAP_QUICK ? ", quick" : ", vertex",
+                         plan.texture.format == CONEMAP_UNORM8 ? " u8" : plan.texture.format == CONEMAP_UNORM16 ? " u16" : "");
+                printf("  %-22s %-13s %-25s %6.1f/%6.1f %7.3f/%7.3f %7.2g/%7.2g %5.2f%s\n", k ? "" : label, needs[k].name,
+                       chosen_name, (double)plan.steps, c.steps[row], (double)plan.missed * 100, c.missed[row] * 100,
+                       (double)plan.error, c.error[row], c.time[row] / cheapest, meets ? "" : " NOT MET");
+            }
+        }
+        plan_free();
+        image_free(&image);
+    }
+    printf("\n  %d plans: %d break their tolerance, the dearest costs %.2f of the cheapest, steps are off by %.0f %% as a mean\n",
+           planned_count, broken, worst, step_error * 100 / planned_count);
+    return 1;
+}
+
 /* ---- the whole report ------------------------------------------------------------------------------- */
 
 static struct scene scene;
@@ -873,7 +1147,7 @@ static void sheet_path(const char *name, char *path, size_t size) {
 
 int main(int argc, char **argv) {
     static struct method every[MOST];
-    static struct settings settings = {NULL, 256, 0, 0, 0, 0, 1, 30, 45, 0.25f};
+    static struct settings settings = {NULL, 256, 0, 0, 0, 0, 0, 1, 30, 45, 0.25f};
     struct args args = {argc, 0, argv, "", 0};
     struct progress progress;
     struct image image;
@@ -887,6 +1161,7 @@ int main(int argc, char **argv) {
         else if (arg_is(&args, "--depth")) settings.depth = arg_float(&args, 1e-4, 1e3);
         else if (arg_is(&args, "--apertures")) settings.apertures = 1;
         else if (arg_is(&args, "--fit")) settings.fit = 1;
+        else if (arg_is(&args, "--plans")) settings.plans = 1;
         else if (arg_is(&args, "--no-pictures")) settings.pictures = 0;
         else if (arg_is(&args, "--camera")) {
             settings.camera = 1;
@@ -898,8 +1173,10 @@ int main(int argc, char **argv) {
     if (args.failed) return 1;
     make_directory("out");
     progress_begin(&progress, "accuracy");
-    if (!settings.file && !report_apertures(&progress)) return 1;
+    if (!settings.file && !settings.fit && !settings.plans && !report_apertures(&progress)) return 1;
     if (settings.apertures) return 0;
+    if (settings.fit) return !fit_planner(&progress);
+    if (settings.plans) return !report_plans(&progress);
     if (settings.full) {
         count = all_methods(every);
         list = every;
@@ -929,6 +1206,7 @@ int main(int argc, char **argv) {
     if (csv) fclose(csv);
     if (!good) return 1;
     print_summary(maps);
+    if (!settings.file && !report_plans(&progress)) return 1;
     FILE *svg = fopen("out/accuracy.svg", "w"), *html = fopen("out/accuracy.html", "w");
     if (svg) write_svg(svg, plotted, maps);
     if (html) write_html(html, plotted, maps, sheets);
