@@ -558,18 +558,22 @@ CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float 
    P L A N N I N G
    ====================================================================================================== */
 
-/* What the planner needs to know of a heightmap. */
+/* What the planner needs to know of a heightmap. The arrays are for rays that move 1/32, 1/8, 1/2 and 2 map widths sideways
+   on their way from the top of the box to its floor. */
 typedef struct conemap_statistics {
     int width, height;
-    float mean, highest;    /* of the heights */
     float roughness;        /* root mean square difference of texels next to each other over that of heights from their
                                mean: 0 flat or smooth, 1.41 white noise */
-    float aperture;         /* mean of min(tan, 1) of vertex cones, estimated from below at up to 1024 texels; above 0 */
+    float steps[4];         /* mean steps of 96 rays that probe the map with vertex cones, from texel to texel */
+    float safe_steps[4];    /* the same with cones that the neighbours' cones narrow, as safe ones are */
+    float cells[4];         /* mean cells that they cross before they hit or leave the map */
+    float way[4];           /* and the share of their way through the box that this is */
 } conemap_statistics;
 
-/* Looks at a heightmap once and at 1024 of its texels more closely: about 10 ns a texel, and 10 ms.
-   Borders count as clamped, aspect as 1. heights: as in a desc, only read. statistics: overwritten; zeroed on errors. Allocates nothing; thread-safe.
-   Errors: NULL, SIZE, ENUM, STRIDE, OVERFLOW, HEIGHT. */
+/* Looks at every texel of a heightmap once, and sends 768 rays through it that build their cones as they go: about
+   10 ns a texel and 20 to 200 ms. Borders count as clamped, aspect as 1.
+   heights: as in a desc, only read. statistics: overwritten; zeroed on errors. Allocates nothing; takes 17 KB of stack;
+   thread-safe. Errors: NULL, SIZE, ENUM, STRIDE, OVERFLOW, HEIGHT. */
 CONEMAP_API conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics);
 
 /* What a scene needs. */
@@ -3477,17 +3481,18 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
 /* ======================================================================================================
    P L A N S
 
-   A ray that falls at elevation e moves depth cot(e) sideways on its way down the box; L is the mean of that. Over a
-   map of N texels, whose mean height lies g below the highest, it crosses some n = N L g cells, and L / aperture tells
-   how flat it is beside the cones: q. Mean steps are a sum, with weights that are not negative, of
-       1,  log2(1 + n),  sqrt(q),  sqrt(q) log2(1 + n),  min(q, n),  sqrt(n) min(roughness, 1),
+   The statistics hold what rays of four slopes took that probed the map: steps with vertex cones and with narrowed ones,
+   cells, share of the way. A ray of elevation e moves depth cot(e) sideways on its way down the box; P, S, C and W are
+   the means of those four over eight elevations from the lowest up, between the four slopes straight over the logarithm.
+   Mean steps are a sum, with weights that are not negative, of
+       1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
    and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
-   roughness, and for equal steps as the cells that one of them crosses; their factors are the largest that were measured,
-   times 1.25. Building takes a time for each texel.
-   `accuracy --fit` measures all of this on procedural maps of four kinds and prints the table anew.
+   roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest that were
+   measured, times 1.5, one for maps below 0.7 of roughness and one for the others. Building takes a time for each texel.
+   `accuracy --fit` measures all of this on procedural maps and prints the table anew.
    ====================================================================================================== */
 
-enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_SAMPLES = 32 };
+enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_PROBES = 96 };
 
 typedef struct conemap__plan_row {
     conemap_generator generator;
@@ -3499,30 +3504,30 @@ typedef struct conemap__plan_row {
     float steps[CONEMAP__PLAN_TERMS];
     float ray, step;     /* time */
     float build;         /* a texel */
-    float missed, error;
+    float missed[2], error[2]; /* factors on smooth and on rough maps */
 } conemap__plan_row;
 
 static const conemap__plan_row conemap__plan_rows[] = {
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.178f, 1.060f, 0.552f, 0.000f, 0.250f, 0.880f}, 0.00f, 1.00f, 11.3f, 0.00f, 0.00f}, /* steps off by 15 % */
+     {0.000f, 0.000f, 1.115f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.7f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 18 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.313f, 0.958f, 0.659f, 0.000f, 0.159f, 0.805f}, 0.00f, 1.04f, 12.0f, 0.00f, 0.00f}, /* steps off by 16 % */
+     {0.000f, 0.000f, 1.078f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.02f, 12.5f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 17 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
-     {9.304f, 1.866f, 0.000f, 0.000f, 0.399f, 0.322f}, 0.00f, 0.44f, 7.7f, 0.00f, 0.00f}, /* steps off by 17 % */
+     {0.000f, 0.000f, 1.556f, 0.000f, 0.000f, 1.272f}, 0.00f, 0.39f, 7.0f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 11 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.939f, 0.874f, 0.000f, 0.050f, 0.001f, 0.499f}, 0.00f, 1.08f, 7.3f, 0.352f, 23.7f}, /* steps off by 12 % */
+     {0.000f, 0.541f, 0.447f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.06f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* steps off by 9 % */
     {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.725f, 1.129f, 0.000f, 0.148f, 0.000f, 0.270f}, 0.00f, 1.04f, 7.8f, 0.332f, 21.8f}, /* steps off by 14 % */
+     {0.000f, 0.205f, 0.698f, 0.284f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* steps off by 12 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
-     {0.600f, 0.906f, 0.000f, 0.000f, 0.148f, 0.454f}, 0.09f, 1.03f, 7.3f, 0.462f, 52.5f}, /* steps off by 13 % */
+     {0.000f, 0.000f, 0.874f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.05f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* steps off by 11 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
-     {1.060f, 0.702f, 0.000f, 0.000f, 0.060f, 0.458f}, 0.55f, 0.91f, 7.3f, 1.89f, 298.f}, /* steps off by 18 % */
+     {0.000f, 0.498f, 0.344f, 0.000f, 0.000f, 0.000f}, 0.09f, 0.99f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* steps off by 14 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
-     {8.023f, 1.241f, 0.000f, 0.000f, 0.279f, 0.818f}, 0.00f, 0.58f, 7.7f, 0.270f, 23.5f}, /* steps off by 18 % */
+     {2.184f, 0.000f, 1.575f, 0.000f, 0.000f, 0.528f}, 0.00f, 0.54f, 7.0f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* steps off by 15 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
-     {70.664f, 0.000f, 4.984f, 0.000f, 0.000f, 0.000f}, 0.00f, 0.27f, 7.7f, 0.717f, 32.5f}, /* steps off by 19 % */
+     {0.000f, 0.000f, 1.623f, 2.493f, 134.681f, 0.000f}, 1.86f, 0.22f, 7.0f, {0.683f, 9.22f}, {43.0f, 238.f}}, /* steps off by 11 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
-     {11.158f, 0.000f, 1.811f, 0.000f, 0.000f, 0.000f}, 0.04f, 0.37f, 7.7f, 0.448f, 38.4f}, /* steps off by 16 % */
+     {0.000f, 0.000f, 0.471f, 0.277f, 21.442f, 0.000f}, 1.41f, 0.24f, 7.0f, {0.557f, 2.89f}, {55.0f, 105.f}}, /* steps off by 11 % */
 };
 enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
 
@@ -3565,13 +3570,58 @@ static double conemap__plan_cone(const conemap_heights *h, const float *blocks, 
     return tangent;
 }
 
+/* The narrowest cone that the texels within two of each of the 3x3 texels at (x, y) leave to any of them. */
+static double conemap__plan_narrowest(const conemap_heights *h, int x, int y) {
+    double a = 1.0 / (double)h->width, b = 1.0 / (double)h->height, tangent = 1.0;
+    int i, j, k, l;
+    for (j = conemap__maxi(0, y - 1); j <= conemap__mini(h->height - 1, y + 1); ++j)
+        for (i = conemap__maxi(0, x - 1); i <= conemap__mini(h->width - 1, x + 1); ++i) {
+            double apex = (double)conemap__plan_height(h, i, j);
+            for (l = conemap__maxi(0, j - 2); l <= conemap__mini(h->height - 1, j + 2); ++l)
+                for (k = conemap__maxi(0, i - 2); k <= conemap__mini(h->width - 1, i + 2); ++k)
+                    tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, k, l) - apex, (double)(k - i),
+                                                   (double)(l - j), a, b);
+        }
+    return tangent;
+}
+
+/* How far sideways the rays of the statistics move. */
+CONEMAP__INLINE float conemap__plan_sideways(int slope) {
+    static const float sideways[4] = {0.03125f, 0.125f, 0.5f, 2.0f};
+    return sideways[slope];
+}
+
+/* Sends one ray from the top of the box, at texel (x, y) in direction (du, dv) of length 1, down one of the slopes. It steps
+   to the end of the cone over the texel below it, or as far as cell borders lie apart if that is farther. */
+static void conemap__plan_probe(const conemap_heights *h, const float *blocks, int block_u, int block_v, double u, double v,
+                                double du, double dv, double sideways, int safe, double *steps, double *cells, double *way) {
+    double along = 0.0, end = sideways, least, size = (double)conemap__maxi(h->width, h->height);
+    if (du > 0.0) end = conemap__mind(end, (1.0 - u) / du);
+    if (du < 0.0) end = conemap__mind(end, -u / du);
+    if (dv > 0.0) end = conemap__mind(end, (1.0 - v) / dv);
+    if (dv < 0.0) end = conemap__mind(end, -v / dv);
+    least = 1.0 / (size * ((du < 0.0 ? -du : du) + (dv < 0.0 ? -dv : dv))); /* from border to border, as a mean */
+    while (along < end) {
+        int x = conemap__mini((int)((u + du * along) * (double)h->width), h->width - 1);
+        int y = conemap__mini((int)((v + dv * along) * (double)h->height), h->height - 1);
+        double gap = 1.0 - along / sideways - (double)conemap__plan_height(h, x, y), tangent;
+        *steps += 1.0;
+        if (gap <= 0.0) break;
+        tangent = conemap__plan_cone(h, blocks, block_u, block_v, x, y);
+        if (safe) tangent = conemap__mind(tangent, conemap__plan_narrowest(h, x, y));
+        along += conemap__maxd(least, tangent * gap * sideways / (sideways + tangent));
+    }
+    along = conemap__mind(along, end);
+    *cells += along * size;
+    *way += end > 0.0 ? along / end : 1.0;
+}
+
 CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics) {
     float blocks[CONEMAP__PLAN_BLOCKS * CONEMAP__PLAN_BLOCKS];
     conemap_heights h;
     conemap_result result;
-    double sum = 0.0, squares = 0.0, differences = 0.0, pairs = 0.0, texels, mean, variance, apertures = 0.0;
-    float highest = 0.0f;
-    int x, y, block_u, block_v, count_u, count_v;
+    double sum = 0.0, squares = 0.0, differences = 0.0, pairs = 0.0, texels, mean, variance;
+    int x, y, block_u, block_v, slope, k;
     if (!statistics) return CONEMAP_ERROR_NULL;
     memset(statistics, 0, sizeof *statistics);
     if (!heights) return CONEMAP_ERROR_NULL;
@@ -3599,69 +3649,85 @@ CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *height
                 pairs += 1.0;
             }
             if (value > *block) *block = value;
-            if (value > highest) highest = value;
             before = value;
         }
     }
     texels = (double)h.width * (double)h.height;
     mean = sum / texels;
     variance = squares / texels - mean * mean;
-    count_u = conemap__mini(h.width, CONEMAP__PLAN_SAMPLES);
-    count_v = conemap__mini(h.height, CONEMAP__PLAN_SAMPLES);
-    for (y = 0; y < count_v; ++y)
-        for (x = 0; x < count_u; ++x)
-            apertures += conemap__plan_cone(&h, blocks, block_u, block_v, (2 * x + 1) * h.width / (2 * count_u),
-                                            (2 * y + 1) * h.height / (2 * count_v));
     statistics->width = h.width;
     statistics->height = h.height;
-    statistics->mean = (float)mean;
-    statistics->highest = highest;
     statistics->roughness = variance > 1e-12 && pairs > 0.0 ? (float)sqrt(differences / pairs / variance) : 0.0f;
-    statistics->aperture = conemap__max((float)(apertures / ((double)count_u * (double)count_v)), 1e-6f);
+    for (slope = 0; slope < 4; ++slope) {
+        double steps = 0.0, safe_steps = 0.0, cells = 0.0, way = 0.0, unused = 0.0;
+        for (k = 0; k < CONEMAP__PLAN_PROBES; ++k) { /* spread evenly by the powers of the plastic number */
+            double u = conemap__fraction(0.5 + 0.7548776662466927 * (double)k), du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
+            double v = conemap__fraction(0.5 + 0.5698402909980532 * (double)k), dv = 1.0 - (du < 0.0 ? -du : du), length;
+            if (k % 2) dv = -dv;
+            length = sqrt(du * du + dv * dv);
+            conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
+                                (double)conemap__plan_sideways(slope), 0, &steps, &cells, &way);
+            conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
+                                (double)conemap__plan_sideways(slope), 1, &safe_steps, &unused, &unused);
+        }
+        statistics->steps[slope] = (float)(steps / CONEMAP__PLAN_PROBES);
+        statistics->safe_steps[slope] = (float)(safe_steps / CONEMAP__PLAN_PROBES);
+        statistics->cells[slope] = (float)(cells / CONEMAP__PLAN_PROBES);
+        statistics->way[slope] = (float)(way / CONEMAP__PLAN_PROBES);
+    }
     return CONEMAP_OK;
 }
 
-/* The mean cotangent of elevations from this one up, ln(1 / sin e) / (90 degrees - e) in radians: a table spares the
-   header a logarithm. */
+/* The cotangent of an elevation, by a table: it spares the header a function of the library. */
 static float conemap__plan_cotangent(float degrees) {
-    static const float at[11][2] = {{0.5f, 3.035f}, {1.0f, 2.606f},  {2.0f, 2.185f},  {5.0f, 1.645f},  {10.0f, 1.254f}, {20.0f, 0.878f},
-                                    {30.0f, 0.662f}, {45.0f, 0.441f}, {60.0f, 0.275f}, {75.0f, 0.132f}, {90.0f, 0.0f}};
-    int k = 0;
-    while (k < 9 && at[k + 1][0] < degrees) ++k;
-    return at[k][1] + (at[k + 1][1] - at[k][1]) * (degrees - at[k][0]) / (at[k + 1][0] - at[k][0]);
+    static const float tangents[10] = {0.0f, 0.17633f, 0.36397f, 0.57735f, 0.83910f, 1.19175f, 1.73205f, 2.74748f, 5.67128f, 60.0f};
+    int k = conemap__mini((int)(degrees / 10.0f), 8);
+    return 1.0f / (tangents[k] + (tangents[k + 1] - tangents[k]) * (degrees / 10.0f - (float)k));
 }
 
-/* log2 of x >= 1, straight between powers of two: 0.09 too small at most. */
+/* log2, straight between powers of two: 0.09 too small at most. For x of 2^-120 and more. */
 static float conemap__plan_log2(float x) {
     uint32_t bits = conemap__bits(x);
     return (float)((int)(bits >> 23) - 127) + (float)(bits & 0x7fffffu) / 8388608.0f;
 }
 
-/* The six terms of mean steps; returns n. */
+/* The six terms of mean steps; returns C. */
 static float conemap__plan_terms(const conemap_statistics *s, float depth, float lowest, float *terms) {
-    float sideways = depth * conemap__plan_cotangent(lowest);
-    float n = (float)conemap__maxi(s->width, s->height) * sideways * conemap__max(s->highest - s->mean, 0.0f);
-    float q = sideways / s->aperture, log_n = conemap__plan_log2(1.0f + n), root_q = sqrtf(q);
+    float probe = 0.0f, safe = 0.0f, cells = 0.0f, way = 0.0f;
+    int k, slope;
+    for (k = 0; k < 8; ++k) {
+        float elevation = lowest + (90.0f - lowest) * ((float)k + 0.5f) / 8.0f;
+        float at = 0.5f * (conemap__plan_log2(depth * conemap__plan_cotangent(elevation)) + 5.0f), part;
+        at = conemap__max(0.0f, conemap__min(at, 3.0f));
+        slope = conemap__mini((int)at, 2);
+        part = at - (float)slope;
+        probe += (s->steps[slope] + (s->steps[slope + 1] - s->steps[slope]) * part) / 8.0f;
+        safe += (s->safe_steps[slope] + (s->safe_steps[slope + 1] - s->safe_steps[slope]) * part) / 8.0f;
+        cells += (s->cells[slope] + (s->cells[slope + 1] - s->cells[slope]) * part) / 8.0f;
+        way += (s->way[slope] + (s->way[slope + 1] - s->way[slope]) * part) / 8.0f;
+    }
     terms[0] = 1.0f;
-    terms[1] = log_n;
-    terms[2] = root_q;
-    terms[3] = root_q * log_n;
-    terms[4] = conemap__min(q, n);
-    terms[5] = sqrtf(n) * conemap__min(s->roughness, 1.0f);
-    return n;
+    terms[1] = probe;
+    terms[2] = safe;
+    terms[3] = sqrtf(cells);
+    terms[4] = way;
+    terms[5] = conemap__plan_log2((float)conemap__maxi(s->width, s->height));
+    return cells;
 }
 
 /* What misses and errors are taken to grow with. */
-static float conemap__plan_risk(const conemap__plan_row *row, const conemap_statistics *s, float n) {
-    float risk = s->roughness * s->roughness;
-    return row->tracer == CONEMAP_TRACE_LINEAR ? conemap__max(risk, 0.05f) * (1.0f + n) / (float)row->max_steps : risk;
+static float conemap__plan_risk(const conemap__plan_row *row, const conemap_statistics *s, float cells) {
+    float risk = 0.002f + s->roughness * s->roughness;
+    return row->tracer == CONEMAP_TRACE_LINEAR ? (0.05f + risk) * (1.0f + cells) / (float)row->max_steps : risk;
 }
+
+CONEMAP__INLINE int conemap__plan_rough(const conemap_statistics *s) { return s->roughness >= 0.7f; }
 
 /* The coarsest format whose heights are off by less than the error allowed: half a step, seen along the flattest ray. */
 static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float depth, float lowest, float error) {
     static const conemap_format formats[2] = {CONEMAP_UNORM8, CONEMAP_UNORM16};
     float size = (float)conemap__maxi(desc->statistics.width, desc->statistics.height);
-    float along = depth * size * (1.0f + conemap__plan_cotangent(lowest));
+    float along = size * (depth + depth * conemap__plan_cotangent(lowest));
     int k;
     for (k = 0; k < 2; ++k)
         if (desc->max_error > 0.0f && error + 0.5f * along / (k == 0 ? 255.0f : 65535.0f) <= desc->max_error) return formats[k];
@@ -3670,8 +3736,8 @@ static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float 
 
 CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned) {
     const conemap_statistics *s;
-    float depth, lowest, terms[CONEMAP__PLAN_TERMS], n, best = CONEMAP__FAR, texels;
-    int k, term, tolerant;
+    float depth, lowest, terms[CONEMAP__PLAN_TERMS], cells, best = CONEMAP__FAR, texels;
+    int k, term, tolerant, rough;
     if (!planned) return CONEMAP_ERROR_NULL;
     memset(planned, 0, sizeof *planned);
     if (!desc) return CONEMAP_ERROR_NULL;
@@ -3679,22 +3745,26 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
     if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
     depth = desc->depth == 0.0f ? 0.25f : desc->depth;
     lowest = desc->lowest_elevation == 0.0f ? 5.0f : desc->lowest_elevation;
-    if (!conemap__in_range(s->mean, 0.0f, 1.0f) || !conemap__in_range(s->highest, 0.0f, 1.0f) ||
-        !conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(s->aperture, 1e-6f, 1.0f) ||
-        !conemap__in_range(depth, 1e-6f, 1e6f) || !conemap__in_range(lowest, 0.5f, 90.0f) ||
+    for (k = 0; k < 4; ++k)
+        if (!conemap__in_range(s->steps[k], 0.0f, 1e9f) || !conemap__in_range(s->safe_steps[k], 0.0f, 1e9f) ||
+            !conemap__in_range(s->cells[k], 0.0f, 1e9f) ||
+            !conemap__in_range(s->way[k], 0.0f, 1.0f))
+            return CONEMAP_ERROR_PARAMETER;
+    if (!conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(depth, 1e-6f, 1e6f) || !conemap__in_range(lowest, 0.5f, 90.0f) ||
         !conemap__in_range(desc->max_missed, 0.0f, 1.0f) || !conemap__in_range(desc->max_error, 0.0f, 1e9f) ||
         !conemap__in_range(desc->max_steps, 0.0f, 1e9f) || !conemap__in_range(desc->max_time, 0.0f, 1e9f) ||
         !conemap__in_range(desc->rays_per_build, 0.0f, 1e30f))
         return CONEMAP_ERROR_PARAMETER;
     tolerant = desc->max_missed > 0.0f || desc->max_error > 0.0f;
-    n = conemap__plan_terms(s, depth, lowest, terms);
+    cells = conemap__plan_terms(s, depth, lowest, terms);
+    rough = conemap__plan_rough(s);
     texels = (float)s->width * (float)s->height;
     for (k = 0; k < (int)CONEMAP__PLAN_ROWS; ++k) {
         const conemap__plan_row *row = &conemap__plan_rows[k];
-        float steps = 0.0f, risk = conemap__plan_risk(row, s, n), missed = conemap__min(row->missed * risk, 1.0f);
-        float error = row->error * risk, cost;
+        float steps = 0.0f, risk = conemap__plan_risk(row, s, cells), missed = conemap__min(row->missed[rough] * risk, 1.0f);
+        float error = row->error[rough] * risk, cost;
         int fits;
-        if (!tolerant && (row->missed > 0.0f || row->error > 0.0f)) continue;
+        if (!tolerant && (row->missed[1] > 0.0f || row->error[1] > 0.0f)) continue;
         if (desc->max_missed > 0.0f && missed > desc->max_missed) continue;
         if (desc->max_error > 0.0f && error > desc->max_error) continue;
         for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) steps += row->steps[term] * terms[term];

@@ -334,8 +334,8 @@ static void write_svg(FILE *svg, const struct plotted *maps, int count) {
             width, height, width, height);
     fprintf(svg, "<text x='60' y='26' font-size='16' font-weight='bold'>conemap.h: what accuracy costs in time</text>\n");
     for (int k = 0; k < 6; ++k) {
-        put_mark(svg, shapes[k], 66 + 150 * k, 44);
-        fprintf(svg, "<text x='%d' y='48'>%s</text>\n", 76 + 150 * k, said[k]);
+        put_mark(svg, shapes[k], 66 + 140 * k + (k > 1 ? 40 : 0), 44);
+        fprintf(svg, "<text x='%d' y='48'>%s</text>\n", 76 + 140 * k + (k > 1 ? 40 : 0), said[k]);
     }
     fprintf(svg, "<text x='1000' y='48'>dashed: nothing is better in both</text>\n");
     for (int k = 0; k < maps[0].count; ++k)
