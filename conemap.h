@@ -3509,25 +3509,25 @@ typedef struct conemap__plan_row {
 
 static const conemap__plan_row conemap__plan_rows[] = {
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.115f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.7f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 18 % */
+     {0.000f, 0.000f, 1.052f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.8f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 17 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.078f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.02f, 12.5f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 17 % */
+     {0.000f, 0.000f, 1.017f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.03f, 12.6f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 16 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.556f, 0.000f, 0.000f, 1.272f}, 0.00f, 0.39f, 7.0f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 11 % */
+     {0.000f, 0.000f, 1.475f, 0.000f, 0.000f, 1.261f}, 0.00f, 0.39f, 7.1f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 10 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.541f, 0.447f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.06f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* steps off by 9 % */
+     {0.000f, 0.490f, 0.431f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.07f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* steps off by 9 % */
     {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.205f, 0.698f, 0.284f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* steps off by 12 % */
+     {0.000f, 0.256f, 0.571f, 0.331f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* steps off by 12 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.000f, 0.874f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.05f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* steps off by 11 % */
+     {0.000f, 0.000f, 0.786f, 0.076f, 0.000f, 0.000f}, 0.00f, 1.04f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* steps off by 10 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.498f, 0.344f, 0.000f, 0.000f, 0.000f}, 0.09f, 0.99f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* steps off by 14 % */
+     {0.000f, 0.434f, 0.364f, 0.000f, 0.000f, 0.000f}, 0.14f, 1.00f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* steps off by 13 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
-     {2.184f, 0.000f, 1.575f, 0.000f, 0.000f, 0.528f}, 0.00f, 0.54f, 7.0f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* steps off by 15 % */
+     {1.532f, 0.000f, 1.502f, 0.000f, 0.000f, 0.605f}, 0.00f, 0.53f, 7.1f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* steps off by 14 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
-     {0.000f, 0.000f, 1.623f, 2.493f, 134.681f, 0.000f}, 1.86f, 0.22f, 7.0f, {0.683f, 9.22f}, {43.0f, 238.f}}, /* steps off by 11 % */
+     {0.000f, 0.000f, 1.637f, 1.206f, 150.314f, 0.000f}, 1.75f, 0.22f, 7.1f, {0.691f, 9.29f}, {43.3f, 242.f}}, /* steps off by 9 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
-     {0.000f, 0.000f, 0.471f, 0.277f, 21.442f, 0.000f}, 1.41f, 0.24f, 7.0f, {0.557f, 2.89f}, {55.0f, 105.f}}, /* steps off by 11 % */
+     {0.000f, 0.000f, 0.457f, 0.076f, 23.865f, 0.000f}, 1.33f, 0.25f, 7.1f, {0.558f, 2.91f}, {55.5f, 107.f}}, /* steps off by 10 % */
 };
 enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
 
