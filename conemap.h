@@ -3487,8 +3487,9 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
    Mean steps are a sum, with weights that are not negative, of
        1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
    and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
-   roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest that were
-   measured, times 1.5, one for maps below 0.7 of roughness and one for the others. Building takes a time for each texel.
+   roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest
+   that were measured, times 1.5, one for maps below 0.7 of roughness and one for the others. Building takes a time for
+   each texel.
    `accuracy --fit` measures all of this on procedural maps and prints the table anew.
    ====================================================================================================== */
 
@@ -3502,38 +3503,40 @@ typedef struct conemap__plan_row {
     conemap_refinement refinement;
     int max_steps;
     float steps[CONEMAP__PLAN_TERMS];
-    float ray, step;     /* time */
-    float build;         /* a texel */
+    float ray, step;           /* time */
+    float build;               /* a texel */
     float missed[2], error[2]; /* factors on smooth and on rough maps */
 } conemap__plan_row;
 
+/* Behind each row: how far off its steps are as a mean, on the maps that it was fitted on. */
 static const conemap__plan_row conemap__plan_rows[] = {
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.052f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.8f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 17 % */
+     {0.000f, 0.000f, 1.052f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.8f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 17 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.017f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.03f, 12.6f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 16 % */
+     {0.000f, 0.000f, 1.017f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.03f, 12.6f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 16 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.475f, 0.000f, 0.000f, 1.261f}, 0.00f, 0.39f, 7.1f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* steps off by 10 % */
+     {0.000f, 0.000f, 1.475f, 0.000f, 0.000f, 1.261f}, 0.00f, 0.39f, 7.1f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 10 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.490f, 0.431f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.07f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* steps off by 9 % */
+     {0.000f, 0.490f, 0.431f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.07f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* 9 % */
     {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.256f, 0.571f, 0.331f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* steps off by 12 % */
+     {0.000f, 0.256f, 0.571f, 0.331f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* 12 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.000f, 0.786f, 0.076f, 0.000f, 0.000f}, 0.00f, 1.04f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* steps off by 10 % */
+     {0.000f, 0.000f, 0.786f, 0.076f, 0.000f, 0.000f}, 0.00f, 1.04f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* 10 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.434f, 0.364f, 0.000f, 0.000f, 0.000f}, 0.14f, 1.00f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* steps off by 13 % */
+     {0.000f, 0.434f, 0.364f, 0.000f, 0.000f, 0.000f}, 0.14f, 1.00f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* 13 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
-     {1.532f, 0.000f, 1.502f, 0.000f, 0.000f, 0.605f}, 0.00f, 0.53f, 7.1f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* steps off by 14 % */
+     {1.532f, 0.000f, 1.502f, 0.000f, 0.000f, 0.605f}, 0.00f, 0.53f, 7.1f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* 14 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
-     {0.000f, 0.000f, 1.637f, 1.206f, 150.314f, 0.000f}, 1.75f, 0.22f, 7.1f, {0.691f, 9.29f}, {43.3f, 242.f}}, /* steps off by 9 % */
+     {0.000f, 0.000f, 1.637f, 1.206f, 150.314f, 0.000f}, 1.75f, 0.22f, 7.1f, {0.691f, 9.29f}, {43.3f, 242.f}}, /* 9 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
-     {0.000f, 0.000f, 0.457f, 0.076f, 23.865f, 0.000f}, 1.33f, 0.25f, 7.1f, {0.558f, 2.91f}, {55.5f, 107.f}}, /* steps off by 10 % */
+     {0.000f, 0.000f, 0.457f, 0.076f, 23.865f, 0.000f}, 1.33f, 0.25f, 7.1f, {0.558f, 2.91f}, {55.5f, 107.f}}, /* 10 % */
 };
 enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
 
 /* The height of a texel; negative where it is none. */
 static float conemap__plan_height(const conemap_heights *h, int x, int y) {
-    const unsigned char *bytes = (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride + (ptrdiff_t)x * h->pixel_stride;
+    const unsigned char *bytes =
+        (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride + (ptrdiff_t)x * h->pixel_stride;
     float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
     if (!conemap__in_range(value, 0.0f, 1.0f)) return -1.0f;
     return h->is_depth ? 1.0f - value : value;
@@ -3546,24 +3549,27 @@ CONEMAP__INLINE double conemap__plan_narrow(double tangent, double rise, double 
 }
 
 /* A vertex cone from below: texels near by one by one, others by maxima over blocks, which lie no nearer than both. */
-static double conemap__plan_cone(const conemap_heights *h, const float *blocks, int block_u, int block_v, int x, int y) {
+static double conemap__plan_cone(const conemap_heights *h, const float *blocks, int block_u, int block_v, int x,
+                                 int y) {
     double a = 1.0 / (double)h->width, b = 1.0 / (double)h->height, tangent = 1.0;
     double apex = (double)conemap__plan_height(h, x, y), margin = (double)(CONEMAP__PLAN_NEAR + 1);
-    int i, j, near = CONEMAP__PLAN_NEAR;
-    for (j = conemap__maxi(0, y - near); j <= conemap__mini(h->height - 1, y + near); ++j)
-        for (i = conemap__maxi(0, x - near); i <= conemap__mini(h->width - 1, x + near); ++i)
+    int i, j, reach = CONEMAP__PLAN_NEAR;
+    for (j = conemap__maxi(0, y - reach); j <= conemap__mini(h->height - 1, y + reach); ++j)
+        for (i = conemap__maxi(0, x - reach); i <= conemap__mini(h->width - 1, x + reach); ++i)
             tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, i, j) - apex, (double)(i - x),
                                            (double)(j - y), a, b);
     for (j = 0; j * block_v < h->height; ++j)
         for (i = 0; i * block_u < h->width; ++i) {
             double dx = (double)conemap__maxi(0, conemap__maxi(i * block_u - x, x - (i + 1) * block_u + 1));
             double dy = (double)conemap__maxi(0, conemap__maxi(j * block_v - y, y - (j + 1) * block_v + 1));
-            int inside = i * block_u >= x - near && (i + 1) * block_u <= x + near + 1 && j * block_v >= y - near &&
-                         (j + 1) * block_v <= y + near + 1;
-            if (inside) continue; /* every texel of it was near */
+            int inside = i * block_u >= x - reach && (i + 1) * block_u <= x + reach + 1 && j * block_v >= y - reach &&
+                         (j + 1) * block_v <= y + reach + 1;
+            if (inside) continue;             /* every texel of it was near */
             if (dx < margin && dy < margin) { /* what is left of it lies outside the square of near texels */
-                if (margin * margin * a * a + dy * dy * b * b < margin * margin * b * b + dx * dx * a * a) dx = margin;
-                else dy = margin;
+                if (margin * margin * a * a + dy * dy * b * b < margin * margin * b * b + dx * dx * a * a)
+                    dx = margin;
+                else
+                    dy = margin;
             }
             tangent = conemap__plan_narrow(tangent, (double)blocks[j * CONEMAP__PLAN_BLOCKS + i] - apex, dx, dy, a, b);
         }
@@ -3579,8 +3585,8 @@ static double conemap__plan_narrowest(const conemap_heights *h, int x, int y) {
             double apex = (double)conemap__plan_height(h, i, j);
             for (l = conemap__maxi(0, j - 2); l <= conemap__mini(h->height - 1, j + 2); ++l)
                 for (k = conemap__maxi(0, i - 2); k <= conemap__mini(h->width - 1, i + 2); ++k)
-                    tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, k, l) - apex, (double)(k - i),
-                                                   (double)(l - j), a, b);
+                    tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, k, l) - apex,
+                                                   (double)(k - i), (double)(l - j), a, b);
         }
     return tangent;
 }
@@ -3593,8 +3599,9 @@ CONEMAP__INLINE float conemap__plan_sideways(int slope) {
 
 /* Sends one ray from the top of the box, at texel (x, y) in direction (du, dv) of length 1, down one of the slopes. It steps
    to the end of the cone over the texel below it, or as far as cell borders lie apart if that is farther. */
-static void conemap__plan_probe(const conemap_heights *h, const float *blocks, int block_u, int block_v, double u, double v,
-                                double du, double dv, double sideways, int safe, double *steps, double *cells, double *way) {
+static void conemap__plan_probe(const conemap_heights *h, const float *blocks, int block_u, int block_v, double u,
+                                double v, double du, double dv, double sideways, int safe, double *steps, double *cells,
+                                double *way) {
     double along = 0.0, end = sideways, least, size = (double)conemap__maxi(h->width, h->height);
     if (du > 0.0) end = conemap__mind(end, (1.0 - u) / du);
     if (du < 0.0) end = conemap__mind(end, -u / du);
@@ -3634,7 +3641,8 @@ CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *height
     for (y = 0; y < h.height; ++y) {
         float before = 0.0f;
         for (x = 0; x < h.width; ++x) {
-            float value = conemap__plan_height(&h, x, y), *block = &blocks[y / block_v * CONEMAP__PLAN_BLOCKS + x / block_u];
+            float value = conemap__plan_height(&h, x, y),
+                  *block = &blocks[y / block_v * CONEMAP__PLAN_BLOCKS + x / block_u];
             double difference = (double)value - (double)before;
             if (value < 0.0f) return CONEMAP_ERROR_HEIGHT;
             sum += (double)value;
@@ -3661,8 +3669,10 @@ CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *height
     for (slope = 0; slope < 4; ++slope) {
         double steps = 0.0, safe_steps = 0.0, cells = 0.0, way = 0.0, unused = 0.0;
         for (k = 0; k < CONEMAP__PLAN_PROBES; ++k) { /* spread evenly by the powers of the plastic number */
-            double u = conemap__fraction(0.5 + 0.7548776662466927 * (double)k), du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
-            double v = conemap__fraction(0.5 + 0.5698402909980532 * (double)k), dv = 1.0 - (du < 0.0 ? -du : du), length;
+            double u = conemap__fraction(0.5 + 0.7548776662466927 * (double)k),
+                   du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
+            double v = conemap__fraction(0.5 + 0.5698402909980532 * (double)k), dv = 1.0 - (du < 0.0 ? -du : du),
+                   length;
             if (k % 2) dv = -dv;
             length = sqrt(du * du + dv * dv);
             conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
@@ -3680,7 +3690,8 @@ CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *height
 
 /* The cotangent of an elevation, by a table: it spares the header a function of the library. */
 static float conemap__plan_cotangent(float degrees) {
-    static const float tangents[10] = {0.0f, 0.17633f, 0.36397f, 0.57735f, 0.83910f, 1.19175f, 1.73205f, 2.74748f, 5.67128f, 60.0f};
+    static const float tangents[10] = {0.0f,     0.17633f, 0.36397f, 0.57735f, 0.83910f,
+                                       1.19175f, 1.73205f, 2.74748f, 5.67128f, 60.0f};
     int k = conemap__mini((int)(degrees / 10.0f), 8);
     return 1.0f / (tangents[k] + (tangents[k + 1] - tangents[k]) * (degrees / 10.0f - (float)k));
 }
@@ -3730,7 +3741,8 @@ static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float 
     float along = size * (depth + depth * conemap__plan_cotangent(lowest));
     int k;
     for (k = 0; k < 2; ++k)
-        if (desc->max_error > 0.0f && error + 0.5f * along / (k == 0 ? 255.0f : 65535.0f) <= desc->max_error) return formats[k];
+        if (desc->max_error > 0.0f && error + 0.5f * along / (k == 0 ? 255.0f : 65535.0f) <= desc->max_error)
+            return formats[k];
     return CONEMAP_F32;
 }
 
@@ -3742,18 +3754,18 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
     memset(planned, 0, sizeof *planned);
     if (!desc) return CONEMAP_ERROR_NULL;
     s = &desc->statistics;
-    if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
+    if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
     depth = desc->depth == 0.0f ? 0.25f : desc->depth;
     lowest = desc->lowest_elevation == 0.0f ? 5.0f : desc->lowest_elevation;
     for (k = 0; k < 4; ++k)
         if (!conemap__in_range(s->steps[k], 0.0f, 1e9f) || !conemap__in_range(s->safe_steps[k], 0.0f, 1e9f) ||
-            !conemap__in_range(s->cells[k], 0.0f, 1e9f) ||
-            !conemap__in_range(s->way[k], 0.0f, 1.0f))
+            !conemap__in_range(s->cells[k], 0.0f, 1e9f) || !conemap__in_range(s->way[k], 0.0f, 1.0f))
             return CONEMAP_ERROR_PARAMETER;
-    if (!conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(depth, 1e-6f, 1e6f) || !conemap__in_range(lowest, 0.5f, 90.0f) ||
-        !conemap__in_range(desc->max_missed, 0.0f, 1.0f) || !conemap__in_range(desc->max_error, 0.0f, 1e9f) ||
-        !conemap__in_range(desc->max_steps, 0.0f, 1e9f) || !conemap__in_range(desc->max_time, 0.0f, 1e9f) ||
-        !conemap__in_range(desc->rays_per_build, 0.0f, 1e30f))
+    if (!conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(depth, 1e-6f, 1e6f) ||
+        !conemap__in_range(lowest, 0.5f, 90.0f) || !conemap__in_range(desc->max_missed, 0.0f, 1.0f) ||
+        !conemap__in_range(desc->max_error, 0.0f, 1e9f) || !conemap__in_range(desc->max_steps, 0.0f, 1e9f) ||
+        !conemap__in_range(desc->max_time, 0.0f, 1e9f) || !conemap__in_range(desc->rays_per_build, 0.0f, 1e30f))
         return CONEMAP_ERROR_PARAMETER;
     tolerant = desc->max_missed > 0.0f || desc->max_error > 0.0f;
     cells = conemap__plan_terms(s, depth, lowest, terms);
@@ -3761,7 +3773,8 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
     texels = (float)s->width * (float)s->height;
     for (k = 0; k < (int)CONEMAP__PLAN_ROWS; ++k) {
         const conemap__plan_row *row = &conemap__plan_rows[k];
-        float steps = 0.0f, risk = conemap__plan_risk(row, s, cells), missed = conemap__min(row->missed[rough] * risk, 1.0f);
+        float steps = 0.0f, risk = conemap__plan_risk(row, s, cells),
+              missed = conemap__min(row->missed[rough] * risk, 1.0f);
         float error = row->error[rough] * risk, cost;
         int fits;
         if (!tolerant && (row->missed[1] > 0.0f || row->error[1] > 0.0f)) continue;
@@ -3770,7 +3783,8 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
         for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) steps += row->steps[term] * terms[term];
         if (row->max_steps) steps = conemap__min(steps, (float)row->max_steps);
         cost = row->ray + row->step * steps;
-        fits = (desc->max_steps == 0.0f || steps <= desc->max_steps) && (desc->max_time == 0.0f || cost <= desc->max_time);
+        fits =
+            (desc->max_steps == 0.0f || steps <= desc->max_steps) && (desc->max_time == 0.0f || cost <= desc->max_time);
         if (desc->rays_per_build > 0.0f) cost += row->build * texels / desc->rays_per_build;
         if (planned->within_budget > fits || (planned->within_budget == fits && cost >= best)) continue;
         best = cost;

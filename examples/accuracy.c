@@ -11,7 +11,8 @@
 /* ---- what is compared ------------------------------------------------------------------------------- */
 
 static const struct cone_kind kinds[] = {
-    /* name, paper, generator, guarantee, slack, min3x3, per_cell, format, from: of a generator that is slow, the line before */
+    /* name, paper, generator, guarantee, slack, min3x3, per_cell, format, from: of a generator that is slow, the line
+       before */
     {"none", "", CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, HEIGHTS_ONLY},
     {"vertex", "[Dum06]", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, CONEMAP_F32, 0},
     {"vertex 3x3", "[Dum06] [BV24]", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 1, 0, CONEMAP_F32, 0},
@@ -21,7 +22,8 @@ static const struct cone_kind kinds[] = {
     {"quick 3x3", "[VB22] [BV24]", CONEMAP_QUICK, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32, 0},
     {"quick center", "[VB22]", CONEMAP_QUICK_CENTER, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"sampled", "[PO07]", CONEMAP_RELAXED_SAMPLED, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
-    {"sampled 3x3", "[PO07] [BV24]", CONEMAP_RELAXED_SAMPLED, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32, FROM_BEFORE},
+    {"sampled 3x3", "[PO07] [BV24]", CONEMAP_RELAXED_SAMPLED, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32,
+     FROM_BEFORE},
     {"relaxed", "[BV24] 2", CONEMAP_RELAXED, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"relaxed 3x3", "[BV24] 2", CONEMAP_RELAXED, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32, FROM_BEFORE},
     {"hybrid", "[CHRS17]", CONEMAP_HYBRID, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
@@ -37,15 +39,15 @@ static const struct cone_kind kinds[] = {
 enum { CONES = sizeof kinds / sizeof kinds[0] };
 static struct cones cones[CONES];
 
-/* The tracers, and the texels that one step of each reads on a GPU without filtering hardware: a filtered fetch is four.
-   Cell walkers look at the cell's four heights and at its cone; the block walkers read one maximum, and four heights for a
-   cell that is entered (counted once a ray here: the walk does not tell how often). */
+/* The tracers, and the texels that one step of each reads on a GPU without filtering hardware: a filtered fetch is
+   four. Cell walkers look at the cell's four heights and at its cone; the block walkers read one maximum, and four
+   heights for a cell that is entered (counted once a ray here: the walk does not tell how often). */
 static const struct tracer tracers[] = {
     /* name, tracer, heights and cones a step, heights a ray besides */
-    {"linear", CONEMAP_TRACE_LINEAR, 4, 0, 4},         {"fixed", CONEMAP_TRACE_FIXED, 4, 4, 4},
-    {"loop", CONEMAP_TRACE_LOOP, 4, 4, 4},             {"exact-step", CONEMAP_TRACE_EXACT_STEP, 4, 4, 0},
-    {"cell-max", CONEMAP_TRACE_CELL_MAX, 4, 4, 0},     {"exact", CONEMAP_TRACE_EXACT, 4, 4, 0},
-    {"qdm", CONEMAP_TRACE_QDM, 1, 0, 4},               {"maxmip", CONEMAP_TRACE_MAXMIP, 1, 0, 4},
+    {"linear", CONEMAP_TRACE_LINEAR, 4, 0, 4},     {"fixed", CONEMAP_TRACE_FIXED, 4, 4, 4},
+    {"loop", CONEMAP_TRACE_LOOP, 4, 4, 4},         {"exact-step", CONEMAP_TRACE_EXACT_STEP, 4, 4, 0},
+    {"cell-max", CONEMAP_TRACE_CELL_MAX, 4, 4, 0}, {"exact", CONEMAP_TRACE_EXACT, 4, 4, 0},
+    {"qdm", CONEMAP_TRACE_QDM, 1, 0, 4},           {"maxmip", CONEMAP_TRACE_MAXMIP, 1, 0, 4},
 };
 enum { TRACERS = sizeof tracers / sizeof tracers[0] };
 
@@ -99,7 +101,8 @@ struct settings {
 
 static void print_help(void) {
     puts("accuracy [MAPFILE]: what accuracy costs in time\n\n"
-         "Measures methods (cones x tracer x refinement x step cap) on four procedural maps and on the elevation model, or on\n"
+         "Measures methods (cones x tracer x refinement x step cap) on four procedural maps and on the elevation "
+         "model, or on\n"
          "MAPFILE alone: generation time, bytes, steps, time a ray, rays that miss their first hit, rays that do not\n"
          "converge, texels read, error of the hit, and the error of a picture. out/accuracy.csv, .svg, .html, .png.\n\n"
          "  --size N             of the procedural maps (256)\n"
@@ -129,10 +132,10 @@ struct scene {
     const struct settings *settings;
     struct image *image;
     struct truth_map truth;
-    double low, high;        /* of the heights */
+    double low, high; /* of the heights */
     struct rays random, view;
-    struct rays *measured;   /* one of the two */
-    float picture[VIEW];     /* the view's true shades */
+    struct rays *measured; /* one of the two */
+    float picture[VIEW];   /* the view's true shades */
     struct result results[MOST];
     int count;
 };
@@ -164,13 +167,17 @@ static int true_hit(const struct scene *s, const conemap_ray *ray, double *t) {
     }
     *t = box_exit(ray);
     truth_above_floor(origin, direction, &t0, &t1);
-    if (direction[2] < 0) t0 = fmax(t0, (s->high + 1e-9 - origin[2]) / direction[2]);
-    else if (direction[2] > 0) t1 = fmin(t1, (s->high + 1e-9 - origin[2]) / direction[2]);
-    else if (origin[2] > s->high) return 0;
+    if (direction[2] < 0)
+        t0 = fmax(t0, (s->high + 1e-9 - origin[2]) / direction[2]);
+    else if (direction[2] > 0)
+        t1 = fmin(t1, (s->high + 1e-9 - origin[2]) / direction[2]);
+    else if (origin[2] > s->high)
+        return 0;
     if (t1 < t0 || !truth_walk_begin(&walk, &s->truth, origin, direction, t0, t1)) return 0;
     do {
         double a = walk.a, b = walk.b, c = walk.c, r = 2, d = b * b - 4 * a * c;
-        if (c <= 0) r = 0;
+        if (c <= 0)
+            r = 0;
         else if (d >= 0) { /* c > 0: the smaller positive root of (a r + b) r + c */
             double q = -0.5 * (b < 0 ? b - sqrt(d) : b + sqrt(d));
             double r1 = q < 0 || q > 0 ? c / q : 2, r2 = a < 0 || a > 0 ? q / a : 2;
@@ -195,7 +202,8 @@ static int is_miss(const struct truth_map *map, const conemap_ray *ray, const co
     }
     /* Where the hit itself lies below the surface, that is an error of refinement within a texel, not a miss. */
     double length = sqrt(direction[0] * direction[0] + direction[1] * direction[1]);
-    double until = hit->status == CONEMAP_HIT ? (double)hit->t_before - (length > 0.0 ? texel / length : 0.0) : (double)hit->t;
+    double until =
+        hit->status == CONEMAP_HIT ? (double)hit->t_before - (length > 0.0 ? texel / length : 0.0) : (double)hit->t;
     return until > 0.0 && truth_clearance(map, origin, direction, 0.0, until) < -1.0 / 1048576.0;
 }
 
@@ -246,7 +254,8 @@ static void find_truth(const struct scene *s, struct rays *rays) {
     for (int k = 0; k < rays->count; ++k) rays->meets[k] = true_hit(s, &rays->list[k], &rays->truth[k]);
 }
 
-/* A shade for the place where a ray of the view ends: light from the left, and brighter where it is high; 1 is the background. */
+/* A shade for the place where a ray of the view ends: light from the left, and brighter where it is high; 1 is the
+   background. */
 static float shade(const struct scene *s, const conemap_map *map, const conemap_ray *ray, int meets, double t) {
     conemap_sample sample;
     float u = (float)((double)ray->origin[0] + t * (double)ray->direction[0]);
@@ -256,10 +265,12 @@ static float shade(const struct scene *s, const conemap_map *map, const conemap_
     u = fminf(fmaxf(u, 0.0f), 1.0f);
     v = fminf(fmaxf(v, 0.0f), 1.0f);
     if (conemap_sample_at(map, u, v, &sample) != CONEMAP_OK) return 1.0f;
-    if ((double)sample.height > (double)ray->origin[2] + t * (double)ray->direction[2] + 0.02) return 0.12f; /* the block's side */
+    if ((double)sample.height > (double)ray->origin[2] + t * (double)ray->direction[2] + 0.02)
+        return 0.12f; /* the block's side */
     float n[3] = {-sample.dhdu * depth, sample.dhdv * depth / size_y, 1};
     float light = (-0.55f * n[0] + 0.25f * n[1] + 0.80f * n[2]) / sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    return 0.15f + 0.30f * fmaxf(light, 0.0f) + 0.45f * (sample.height - (float)s->low) / (float)(s->high - s->low + 1e-9);
+    return 0.15f + 0.30f * fmaxf(light, 0.0f) +
+           0.45f * (sample.height - (float)s->low) / (float)(s->high - s->low + 1e-9);
 }
 
 static void begin_scene(struct scene *s) {
@@ -403,7 +414,8 @@ static int capped(const conemap_hit *hit) { return hit->status == CONEMAP_STEP_C
 static int judge(const struct scene *s, struct result *r) {
     static int steps[MOST_RAYS];
     const struct rays *rays = s->measured;
-    struct truth_map own = s->truth; /* a coarse format's surface is another: its misses are its own, its errors are not */
+    struct truth_map own =
+        s->truth; /* a coarse format's surface is another: its misses are its own, its errors are not */
     double squares = 0, n = rays->count;
     own.heights = r->cones->map.heights;
     r->steps = r->missed = r->unconverged = r->mean_error = r->max_error = 0;
@@ -424,7 +436,9 @@ static int judge(const struct scene *s, struct result *r) {
     r->heights = r->tracer->heights * r->steps + r->tracer->more;
     if (r->method->refinement == CONEMAP_REFINE_BISECT) r->heights += 7 * 4;
     r->cone_texels = cone * r->steps;
-    r->generation = r->tracer->cones ? r->cones->seconds : r->tracer->tracer == CONEMAP_TRACE_LINEAR ? 0 : r->cones->seconds;
+    r->generation = r->tracer->cones                            ? r->cones->seconds
+                    : r->tracer->tracer == CONEMAP_TRACE_LINEAR ? 0
+                                                                : r->cones->seconds;
     r->bytes = r->cones->bytes;
     r->aperture = r->cones->aperture;
     if (r->cones->kind->from == HEIGHTS_ONLY) { /* heights in f32, and the maxima that are kept */
@@ -471,8 +485,8 @@ static int all_methods(struct method *list) {
 }
 
 /* Measures a list of methods: times in interleaved rounds, the rest in the first round. */
-static int measure(struct scene *s, const struct method *list, int count, int rounds, struct progress *progress, double from,
-                   double to) {
+static int measure(struct scene *s, const struct method *list, int count, int rounds, struct progress *progress,
+                   double from, double to) {
     s->count = count;
     for (int m = 0; m < count; ++m) {
         struct result *r = &s->results[m];
@@ -547,8 +561,10 @@ static int report_apertures(struct progress *progress) {
     const char *name;
     random_rays(rays.list, RAYS, 11u);
     rays.count = RAYS;
-    puts("Mean of min(tan, 1) of the safe cones over what the true supremum allows, which is bracketed to 1 % by halving\n"
-         "pairs of patches (so two ratios: against the widest and the narrowest that the bracket leaves open). The best of a\n"
+    puts("Mean of min(tan, 1) of the safe cones over what the true supremum allows, which is bracketed to 1 % by "
+         "halving\n"
+         "pairs of patches (so two ratios: against the widest and the narrowest that the bracket leaves open). The "
+         "best of a\n"
          "texel is that of the steepest cell that touches it; of a cell its own. Above 128: 6000 texels at random.\n");
     printf("  %-22s %12s %21s %12s %21s\n", "", "bilinear", "of the best", "per cell", "of the best");
     for (int index = 0; index < 5; ++index)
@@ -573,8 +589,10 @@ static int report_apertures(struct progress *progress) {
             progress_show((index * 3 + k + 1) / 60.0, progress);
             image_free(&image);
         }
-    puts("\nMean steps a ray of the exact tracer, and the ratio to the 3x3 minimum; in brackets the texels of heights and of\n"
-         "cones that the steps read (four and four a step; four and one per cell). 20000 rays at random, 5 to 85 degrees.\n");
+    puts("\nMean steps a ray of the exact tracer, and the ratio to the 3x3 minimum; in brackets the texels of heights "
+         "and of\n"
+         "cones that the steps read (four and four a step; four and one per cell). 20000 rays at random, 5 to 85 "
+         "degrees.\n");
     printf("  %-10s", "");
     for (int c = 0; c < KINDS; ++c) printf(" %14s", shown[c]);
     puts("");
@@ -594,15 +612,18 @@ static int report_apertures(struct progress *progress) {
         printf("\n  %-10s", "");
         for (int c = 0; c < KINDS; ++c) {
             char texels[24];
-            snprintf(texels, sizeof texels, "(%.0f + %.0f)", 4 * steps[c], (find_cones(shown[c])->kind->per_cell ? 1 : 4) * steps[c]);
+            snprintf(texels, sizeof texels, "(%.0f + %.0f)", 4 * steps[c],
+                     (find_cones(shown[c])->kind->per_cell ? 1 : 4) * steps[c]);
             printf(" %14s", texels);
         }
         puts("");
         fflush(stdout);
         image_free(&image);
     }
-    puts("\nEXPERIMENT, not in the header: the four corner values of the cells chosen together instead of the steepest touching\n"
-         "cell: texels of the safe map raised greedily while no cell's interpolated cone passes its supremum, in 4 x 4 parts a\n"
+    puts("\nEXPERIMENT, not in the header: the four corner values of the cells chosen together instead of the steepest "
+         "touching\n"
+         "cell: texels of the safe map raised greedily while no cell's interpolated cone passes its supremum, in 4 x 4 "
+         "parts a\n"
          "cell. Proven by conemap_verify; costs about half a millisecond a texel.\n");
     printf("  %-18s %10s %18s %18s %10s %10s\n", "", "3x3 steps", "safe", "raised", "ms/texel", "unsafe");
     for (int index = 0; index < 3; ++index) {
@@ -625,8 +646,8 @@ static int report_apertures(struct progress *progress) {
         conemap_verify(&raised.info, raised.heights, raised.cones, NULL, &report);
         progress_show((35 + 8 * index + 8) / 60.0, progress);
         progress_end(progress);
-        printf("  %-8s %3d x %-4d %10.2f %10.2f  x%5.3f %10.2f  x%5.3f %10.2f %10ld\n", name, (int)JOINT, (int)JOINT, steps[0],
-               steps[1], steps[1] / steps[0], steps[2], steps[2] / steps[0], start * 1e3 / (JOINT * JOINT),
+        printf("  %-8s %3d x %-4d %10.2f %10.2f  x%5.3f %10.2f  x%5.3f %10.2f %10ld\n", name, (int)JOINT, (int)JOINT,
+               steps[0], steps[1], steps[1] / steps[0], steps[2], steps[2] / steps[0], start * 1e3 / (JOINT * JOINT),
                (long)(report.unsafe + report.unproven));
         fflush(stdout);
         conemap_free(&corrected);
@@ -692,7 +713,8 @@ static void plan_free(void) {
 }
 
 /* Times are in steps of the default tracer over the default cones on this very map, so that no machine comes in. */
-static int plan_measure(const struct image *image, float depth, float lowest, const double *build, struct plan_case *c) {
+static int plan_measure(const struct image *image, float depth, float lowest, const double *build,
+                        struct plan_case *c) {
     static struct rays rays;
     static struct scene s;
     double seconds[PLANS][PLAN_ROUNDS], unit;
@@ -799,7 +821,8 @@ static int fit_planner(struct progress *progress) {
                      (row->tracer == CONEMAP_TRACE_EXACT && row->guarantee == CONEMAP_GUARANTEE_BILINEAR);
         used = 0;
         for (int n = 0; n < count; ++n) {
-            if (row->max_steps && cases[n].steps[k] > 0.6 * row->max_steps) continue; /* it's the cap that counts there */
+            if (row->max_steps && cases[n].steps[k] > 0.6 * row->max_steps)
+                continue; /* it's the cap that counts there */
             for (int t = 0; t < TERMS; ++t) features[used][t] = (double)cases[n].terms[t];
             values[used++] = fmax(cases[n].steps[k], 0.1);
         }
@@ -822,7 +845,9 @@ static int fit_planner(struct progress *progress) {
         }
         fit_weights(features, values, count, 2, time);
         printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, CONEMAP_TRACE_%s, CONEMAP_REFINE_%s, %d,\n     {",
-               row->generator == CONEMAP_EXACT ? "EXACT" : row->generator == CONEMAP_QUICK ? "QUICK" : "QUICK_NAIVE",
+               row->generator == CONEMAP_EXACT   ? "EXACT"
+               : row->generator == CONEMAP_QUICK ? "QUICK"
+                                                 : "QUICK_NAIVE",
                row->guarantee == CONEMAP_GUARANTEE_BILINEAR ? "BILINEAR" : "VERTEX", row->per_cell,
                row->tracer == CONEMAP_TRACE_EXACT        ? "EXACT"
                : row->tracer == CONEMAP_TRACE_MAXMIP     ? "MAXMIP"
@@ -833,8 +858,8 @@ static int fit_planner(struct progress *progress) {
                row->refinement == CONEMAP_REFINE_SECANT ? "SECANT" : "NONE", row->max_steps);
         for (int t = 0; t < TERMS; ++t) printf("%s%.3ff", t ? ", " : "", steps[t]);
         for (int n = 0; n < 2 && proven; ++n) missed[n] = error[n] = 0;
-        printf("}, %.2ff, %.2ff, %.1ff, {%#.3gf, %#.3gf}, {%#.3gf, %#.3gf}}, /* steps off by %.0f %% */\n", time[0], time[1],
-               exp(build), 1.5 * missed[0], 1.5 * missed[1], 1.5 * error[0], 1.5 * error[1], off * 100);
+        printf("}, %.2ff, %.2ff, %.1ff, {%#.3gf, %#.3gf}, {%#.3gf, %#.3gf}}, /* %.0f %% */\n", time[0],
+               time[1], exp(build), 1.5 * missed[0], 1.5 * missed[1], 1.5 * error[0], 1.5 * error[1], off * 100);
     }
     return 1;
 }
@@ -850,9 +875,12 @@ static int report_plans(struct progress *progress) {
     enum { NEEDS = sizeof needs / sizeof needs[0], MAPS = 9 };
     double worst = 0, step_error = 0;
     int broken = 0, planned_count = 0, dear = 0;
-    puts("\nThe planner on maps that it was not fitted on: prediction / measurement. time: of its choice over the cheapest of its\n"
-         "methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5 degrees up; then 0.5, from 15.\n");
-    printf("  %-22s %-13s %-25s %13s %15s %15s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error", "time");
+    puts("\nThe planner on maps that it was not fitted on: prediction / measurement. time: of its choice over the "
+         "cheapest of its\n"
+         "methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5 degrees up; then 0.5, "
+         "from 15.\n");
+    printf("  %-22s %-13s %-25s %13s %15s %15s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error",
+           "time");
     for (int m = 0; m < MAPS; ++m) {
         struct image image;
         const char *name;
@@ -885,8 +913,9 @@ static int report_plans(struct progress *progress) {
                 for (int n = 0; n < PLANS; ++n) {
                     const conemap__plan_row *r = &conemap__plan_rows[n];
                     int exact = needs[k].missed <= 0 && needs[k].error <= 0;
-                    if (r->generator == plan.generator && r->guarantee == plan.guarantee && r->per_cell == plan.texture.per_cell &&
-                        r->tracer == plan.trace.tracer && r->max_steps == plan.trace.max_steps)
+                    if (r->generator == plan.generator && r->guarantee == plan.guarantee &&
+                        r->per_cell == plan.texture.per_cell && r->tracer == plan.trace.tracer &&
+                        r->max_steps == plan.trace.max_steps)
                         row = n;
                     if (exact ? c.missed[n] > 0 || c.error[n] > 1e-3
                               : (needs[k].missed > 0 && c.missed[n] > (double)needs[k].missed) ||
@@ -905,13 +934,18 @@ static int report_plans(struct progress *progress) {
                 ++planned_count;
                 snprintf(label, sizeof label, "%s %dx%d%s", name, image.width, image.height, view ? " b" : "");
                 snprintf(chosen_name, sizeof chosen_name, "%s%s%s", name_of(tracer_names, (int)plan.trace.tracer),
-                         plan.texture.per_cell ? ", cells" : plan.guarantee == CONEMAP_GUARANTEE_BILINEAR ? ", safe"
+                         plan.texture.per_cell                                            ? ", cells"
+                         : plan.guarantee == CONEMAP_GUARANTEE_BILINEAR                   ? ", safe"
                          : plan.keep_pyramid || plan.trace.tracer == CONEMAP_TRACE_LINEAR ? ""
-                         : plan.generator == CONEMAP_QUICK ? ", quick" : ", vertex",
-                         plan.texture.format == CONEMAP_UNORM8 ? " u8" : plan.texture.format == CONEMAP_UNORM16 ? " u16" : "");
-                printf("  %-22s %-13s %-25s %6.1f/%6.1f %7.3f/%7.3f %7.2g/%7.2g %5.2f%s\n", k ? "" : label, needs[k].name,
-                       chosen_name, (double)plan.steps, c.steps[row], (double)plan.missed * 100, c.missed[row] * 100,
-                       (double)plan.error, c.error[row], c.time[row] / cheapest, meets ? "" : " NOT MET");
+                         : plan.generator == CONEMAP_QUICK                                ? ", quick"
+                                                                                          : ", vertex",
+                         plan.texture.format == CONEMAP_UNORM8    ? " u8"
+                         : plan.texture.format == CONEMAP_UNORM16 ? " u16"
+                                                                  : "");
+                printf("  %-22s %-13s %-25s %6.1f/%6.1f %7.3f/%7.3f %7.2g/%7.2g %5.2f%s\n", k ? "" : label,
+                       needs[k].name, chosen_name, (double)plan.steps, c.steps[row], (double)plan.missed * 100,
+                       c.missed[row] * 100, (double)plan.error, c.error[row], c.time[row] / cheapest,
+                       meets ? "" : " NOT MET");
             }
         }
         plan_free();
@@ -939,8 +973,9 @@ static int draw_sheet(struct scene *s, const char *path) {
     if (!sheet.pixels) return fail("out of memory");
     memset(sheet.pixels, 255, (size_t)sheet.width * (size_t)sheet.height * 3);
     put_text(&sheet, GAP, GAP + 2, "TRUTH");
-    static const char *const said[] = {"MAGENTA: FIRST HIT MISSED,", "OR STEPS RAN OUT", "", "RIGHT: STEPS A RAY,",
-                                       "0 BLACK, 64 AND MORE WHITE,", "ON A SQUARE ROOT SCALE"};
+    static const char *const said[] = {
+        "MAGENTA: FIRST HIT MISSED,",  "OR STEPS RAN OUT",      "", "RIGHT: STEPS A RAY,",
+        "0 BLACK, 64 AND MORE WHITE,", "ON A SQUARE ROOT SCALE"};
     for (int k = 0; k < 6; ++k) put_text(&sheet, GAP + VIEW_W + 16, GAP + 44 + 14 * k, said[k]);
     for (int k = 0; k < VIEW; ++k) {
         double value = (double)s->picture[k];
@@ -959,13 +994,15 @@ static int draw_sheet(struct scene *s, const char *path) {
         for (int k = 0; k < VIEW; ++k) {
             int px = x + k % VIEW_W, py = y + CAPTION + k / VIEW_W;
             int wrong = capped(&hits[k]) || is_miss(&own, &s->view.list[k], &hits[k]);
-            double value = (double)shade(s, &r->cones->map, &s->view.list[k], hits[k].status == CONEMAP_HIT, (double)hits[k].t);
+            double value =
+                (double)shade(s, &r->cones->map, &s->view.list[k], hits[k].status == CONEMAP_HIT, (double)hits[k].t);
             put_pixel(&sheet, px, py, wrong ? 1 : value, wrong ? 0 : value, wrong ? 1 : value);
             put_heat(&sheet, px + VIEW_W, py, sqrt(hits[k].steps / 64.0));
             bad += wrong;
             steps += hits[k].steps;
         }
-        snprintf(caption, sizeof caption, "%d: %s: %.2f %% wrong, %.1f steps", m + 1, r->name, bad * 100.0 / VIEW, steps / VIEW);
+        snprintf(caption, sizeof caption, "%d: %s: %.2f %% wrong, %.1f steps", m + 1, r->name, bad * 100.0 / VIEW,
+                 steps / VIEW);
         put_text(&sheet, x, y + 3, caption);
     }
     int good = png_write(path, sheet.pixels, sheet.width, sheet.height, 3);
@@ -995,7 +1032,8 @@ static void keep_figures(const struct scene *s, struct plotted *to) {
 static void print_summary(int maps) {
     double least = 1e300, time[64] = {0}, build = 1e300;
     if (maps < 2) return;
-    puts("\nAll maps: times, steps and build times as geometric means; missed and capped rays: the worst map. Ratios: to the least.\n");
+    puts("\nAll maps: times, steps and build times as geometric means; missed and capped rays: the worst map. Ratios: "
+         "to the least.\n");
     for (int m = 0; m < plotted[0].count; ++m) {
         for (int k = 0; k < maps; ++k) time[m] += log(plotted[k].results[m].time / plotted[k].results[0].time) / maps;
         time[m] = exp(time[m]);
@@ -1016,8 +1054,8 @@ static void print_summary(int maps) {
             error += r->mean_error / maps;
             psnr = fmin(psnr, r->psnr);
         }
-        printf("| %s | %.2f | %.1f | %.1f | %.3f %% | %.1f %% | %.2g | %.1f |\n", plotted[0].results[m].name, time[m] / least,
-               exp(steps), exp(generation), missed * 100, unconverged * 100, error, psnr);
+        printf("| %s | %.2f | %.1f | %.1f | %.3f %% | %.1f %% | %.2g | %.1f |\n", plotted[0].results[m].name,
+               time[m] / least, exp(steps), exp(generation), missed * 100, unconverged * 100, error, psnr);
     }
 }
 
@@ -1029,13 +1067,16 @@ static void print_generation_tables(void) {
         const char *name, *said;
         double bv24, amd, nvidia; /* [BV24] Table 1; [VB22], 256 x 256 */
     } rows[] = {
-        {"none", "[TIS08] maxima", 0.08 / 380, 0.026 / 227, 0.1 / 58.11}, {"ring", "[Dum06]", 1, 1, 1},
+        {"none", "[TIS08] maxima", 0.08 / 380, 0.026 / 227, 0.1 / 58.11},
+        {"ring", "[Dum06]", 1, 1, 1},
         {"quick", "[VB22] Algorithm 2", 0.35 / 380, 0.028 / 227, 0.088 / 58.11},
         {"quick center", "[VB22] center", 0, 0.022 / 227, 0.08 / 58.11},
-        {"sampled", "[PO07]", 592.0 / 380, 71.0 / 227, 145.15 / 58.11}, {"relaxed", "[BV24] Algorithm 2", 11.29 / 380, 0, 0},
+        {"sampled", "[PO07]", 592.0 / 380, 71.0 / 227, 145.15 / 58.11},
+        {"relaxed", "[BV24] Algorithm 2", 11.29 / 380, 0, 0},
     };
     const struct cones *base = find_cones("ring");
-    puts("\nBuild times over [Dum06]'s: ours (one core), [BV24] Table 1, [VB22]'s table at 256 x 256 on its two GPUs\n");
+    puts(
+        "\nBuild times over [Dum06]'s: ours (one core), [BV24] Table 1, [VB22]'s table at 256 x 256 on its two GPUs\n");
     printf("  %-20s %10s %10s %10s %10s\n", "", "ours", "[BV24]", "AMD", "NVIDIA");
     for (int k = 0; k < (int)(sizeof rows / sizeof rows[0]); ++k) {
         const struct cones *c = find_cones(rows[k].name);
@@ -1043,8 +1084,10 @@ static void print_generation_tables(void) {
         printf("  %-20s %10.5f", rows[k].said, c->seconds / base->seconds);
         for (int n = 0; n < 3; ++n) {
             double theirs = n == 0 ? rows[k].bv24 : n == 1 ? rows[k].amd : rows[k].nvidia;
-            if (theirs > 0) printf(" %10.5f", theirs);
-            else printf(" %10s", "-");
+            if (theirs > 0)
+                printf(" %10.5f", theirs);
+            else
+                printf(" %10s", "-");
         }
         puts("");
     }
@@ -1052,9 +1095,10 @@ static void print_generation_tables(void) {
 
 /* [BV24] Table 2 and what its text tells; [VB22]'s table. */
 static int report_papers(struct scene *s, struct progress *progress) {
-    static const char *const columns[] = {"vertex", "vertex 3x3", "quick", "quick 3x3", "sampled", "sampled 3x3", "relaxed",
-                                          "relaxed 3x3"};
-    static const double bv24[2][2][2][8] = {/* cap, refinement, trace */
+    static const char *const columns[] = {"vertex",  "vertex 3x3",  "quick",   "quick 3x3",
+                                          "sampled", "sampled 3x3", "relaxed", "relaxed 3x3"};
+    static const double bv24[2][2][2][8] = {
+        /* cap, refinement, trace */
         {{{0.59, 0.61, 0.63, 0.65, 0.51, 0.52, 0.58, 0.61}, {0.71, 0.77, 0.84, 0.90, 0.56, 0.57, 0.70, 0.75}},
          {{0.66, 0.69, 0.70, 0.73, 0.57, 0.58, 0.65, 0.68}, {0.76, 0.82, 0.89, 0.94, 0.60, 0.62, 0.75, 0.80}}},
         {{{0.74, 0.81, 0.92, 0.98, 0.57, 0.59, 0.72, 0.78}, {0.79, 0.87, 1.09, 1.24, 0.58, 0.60, 0.77, 0.85}},
@@ -1064,8 +1108,8 @@ static int report_papers(struct scene *s, struct progress *progress) {
         double times[2];
     } others[] = {{"linear", {0.56, 1.88}}, {"qdm", {1.84, 2.31}}, {"maxmip", {1.89, 2.83}}};
     static const double vb22[2][2][5] = {/* cap, GPU: BFCM, RCMs, RCMb, QI, QC */
-        {{0.18, 0.17, 0.19, 0.20, 0.19}, {0.45, 0.41, 0.45, 0.48, 0.46}},
-        {{0.23, 0.20, 0.21, 0.26, 0.25}, {0.53, 0.46, 0.49, 0.62, 0.59}}};
+                                         {{0.18, 0.17, 0.19, 0.20, 0.19}, {0.45, 0.41, 0.45, 0.48, 0.46}},
+                                         {{0.23, 0.20, 0.21, 0.26, 0.25}, {0.53, 0.46, 0.49, 0.62, 0.59}}};
     static const char *const labels[] = {"[Dum06]", "3x3", "[VB22]", "3x3", "[PO07]", "3x3", "[BV24]", "3x3"};
     static struct method list[80];
     static const int caps[2] = {32, 200};
@@ -1075,7 +1119,8 @@ static int report_papers(struct scene *s, struct progress *progress) {
         for (int refine = 0; refine < 2; ++refine)
             for (int tracer = 0; tracer < 2; ++tracer)
                 for (int c = 0; c < 8; ++c) {
-                    struct method m = {columns[c], tracer ? "cell-max" : "exact-step", refine ? BISECT : SECANT, caps[cap], 0};
+                    struct method m = {columns[c], tracer ? "cell-max" : "exact-step", refine ? BISECT : SECANT,
+                                       caps[cap], 0};
                     list[count++] = m;
                 }
     for (int cap = 0; cap < 2; ++cap) {
@@ -1099,10 +1144,11 @@ static int report_papers(struct scene *s, struct progress *progress) {
         for (int k = 0; k < 3; ++k) other[k][cap] = s->results[at++].time;
     }
     print_generation_tables();
-    puts("\n  Ours leave the papers' for two reasons: here every texel of [Dum06] stops its search early, there it does not; and [PO07]\n"
+    puts("\n  Ours leave the papers' for two reasons: here every texel of [Dum06] stops its search early, there it "
+         "does not; and [PO07]\n"
          "  marches from all texels of which the map has more than theirs, on one core.");
-    printf("\n[BV24] Table 2 as ratios, ours / theirs: to [Dum06] by its own trace, secant, 32 steps. Ours: %s, %s\n\n", s->name,
-           s->view.name);
+    printf("\n[BV24] Table 2 as ratios, ours / theirs: to [Dum06] by its own trace, secant, 32 steps. Ours: %s, %s\n\n",
+           s->name, s->view.name);
     printf("  %-15s", "");
     for (int c = 0; c < 8; ++c) printf("%10s", labels[c]);
     puts("");
@@ -1111,15 +1157,19 @@ static int report_papers(struct scene *s, struct progress *progress) {
             for (int tracer = 0; tracer < 2; ++tracer) {
                 printf("  %3d %s %-8s", caps[cap], refine ? "bis" : "sec", tracer ? "cell-max" : "original");
                 for (int c = 0; c < 8; ++c)
-                    printf(" %4.2f/%4.2f", ours[cap][refine][tracer][c] / ours[0][0][0][0], bv24[cap][refine][tracer][c] / 0.59);
+                    printf(" %4.2f/%4.2f", ours[cap][refine][tracer][c] / ours[0][0][0][0],
+                           bv24[cap][refine][tracer][c] / 0.59);
                 puts("");
             }
     for (int k = 0; k < 3; ++k)
         printf("  %-8s 32 steps %.2f/%.2f, 200 steps %.2f/%.2f\n", others[k].name, other[k][0] / ours[0][0][0][0],
                others[k].times[0] / 0.59, other[k][1] / ours[0][0][0][0], others[k].times[1] / 0.59);
-    puts("\n  Where ours differ: cell-max costs us 1 to 5 % and them 7 to 33 %, for a border is a few operations on doubles beside a\n"
-         "  sample on a CPU, while on a GPU the fetch is nearly free; 200 steps cost us no more than 32 and them 25 %, for a ray of ours\n"
-         "  ends when it has hit, while theirs wait for the slowest of their group; qdm and maxmip cost us 1.2 to 1.4 and them\n"
+    puts("\n  Where ours differ: cell-max costs us 1 to 5 % and them 7 to 33 %, for a border is a few operations on "
+         "doubles beside a\n"
+         "  sample on a CPU, while on a GPU the fetch is nearly free; 200 steps cost us no more than 32 and them 25 %, "
+         "for a ray of ours\n"
+         "  ends when it has hit, while theirs wait for the slowest of their group; qdm and maxmip cost us 1.2 to 1.4 "
+         "and them\n"
          "  3 to 5, for the same reason and because their fetches of maxima depend on each other.");
     puts("\n[VB22]'s table as ratios to brute force (its own trace, secant): ours / AMD / NVIDIA\n");
     printf("  %-10s %18s %18s %18s %18s\n", "", "[PO07] secant", "[PO07] bisection", "Algorithm 2", "center");
@@ -1131,8 +1181,10 @@ static int report_papers(struct scene *s, struct progress *progress) {
                    vb22[cap][1][c] / vb22[cap][1][0]);
         puts("");
     }
-    puts("\n  Where ours differ: the mended diagonals make Algorithm 2's cones a little narrower than theirs, and the elevation model is\n"
-         "  rougher than their terrain; the center heuristic is not quicker than Algorithm 2 here, for its rays miss and go on.");
+    puts("\n  Where ours differ: the mended diagonals make Algorithm 2's cones a little narrower than theirs, and the "
+         "elevation model is\n"
+         "  rougher than their terrain; the center heuristic is not quicker than Algorithm 2 here, for its rays miss "
+         "and go on.");
     return 1;
 }
 
@@ -1150,8 +1202,8 @@ static int report_map(const struct settings *settings, struct image *image, cons
     begin_scene(s);
     if (!measure(s, list, count, TIMES, progress, from, to)) return 0;
     progress_end(progress);
-    printf("\n%s, %d x %d, depth %g, %d rays: %s. * nothing is both faster and nearer to the truth\n", name, image->width,
-           image->height, (double)settings->depth, s->measured->count, s->measured->name);
+    printf("\n%s, %d x %d, depth %g, %d rays: %s. * nothing is both faster and nearer to the truth\n", name,
+           image->width, image->height, (double)settings->depth, s->measured->count, s->measured->name);
     print_table(s->results, s->count);
     write_csv(csv, name, image->width, image->height, s->measured->name, s->results, s->count);
     fflush(stdout);
@@ -1177,19 +1229,28 @@ int main(int argc, char **argv) {
     program_name = "accuracy";
     while (next_arg(&args)) {
         if (arg_is(&args, "--help") || arg_is(&args, "-h")) return print_help(), 0;
-        if (arg_is(&args, "--size")) settings.size = arg_int(&args, 8, 4096);
-        else if (arg_is(&args, "--full")) settings.full = 1;
-        else if (arg_is(&args, "--depth")) settings.depth = arg_float(&args, 1e-4, 1e3);
-        else if (arg_is(&args, "--apertures")) settings.apertures = 1;
-        else if (arg_is(&args, "--fit")) settings.fit = 1;
-        else if (arg_is(&args, "--plans")) settings.plans = 1;
-        else if (arg_is(&args, "--no-pictures")) settings.pictures = 0;
+        if (arg_is(&args, "--size"))
+            settings.size = arg_int(&args, 8, 4096);
+        else if (arg_is(&args, "--full"))
+            settings.full = 1;
+        else if (arg_is(&args, "--depth"))
+            settings.depth = arg_float(&args, 1e-4, 1e3);
+        else if (arg_is(&args, "--apertures"))
+            settings.apertures = 1;
+        else if (arg_is(&args, "--fit"))
+            settings.fit = 1;
+        else if (arg_is(&args, "--plans"))
+            settings.plans = 1;
+        else if (arg_is(&args, "--no-pictures"))
+            settings.pictures = 0;
         else if (arg_is(&args, "--camera")) {
             settings.camera = 1;
             settings.elevation = arg_float(&args, 1, 89);
             settings.azimuth = arg_float(&args, -360, 360);
-        } else if (args.list[args.at][0] != '-' && !settings.file) settings.file = args.list[args.at];
-        else arg_unknown(&args);
+        } else if (args.list[args.at][0] != '-' && !settings.file)
+            settings.file = args.list[args.at];
+        else
+            arg_unknown(&args);
     }
     if (args.failed) return 1;
     make_directory("out");
@@ -1233,6 +1294,7 @@ int main(int argc, char **argv) {
     if (html) write_html(html, plotted, maps, sheets);
     if (svg) fclose(svg);
     if (html) fclose(html);
-    printf("\nout/accuracy.csv, .svg and .html hold all figures%s\n", settings.pictures ? ", out/accuracy-*.png the views" : "");
+    printf("\nout/accuracy.csv, .svg and .html hold all figures%s\n",
+           settings.pictures ? ", out/accuracy-*.png the views" : "");
     return !good;
 }

@@ -1,5 +1,5 @@
-/* What accuracy measures and how it is shown: the table, the comma-separated file, the plots, the contact sheet. Include
-   after common.h and measure.h. */
+/* What accuracy measures and how it is shown: the table, the comma-separated file, the plots, the contact sheet.
+   Include after common.h and measure.h. */
 #ifndef EXAMPLES_REPORT_H
 #define EXAMPLES_REPORT_H
 
@@ -14,7 +14,7 @@ struct cone_kind {
     float slack;
     int min3x3, per_cell;
     conemap_format format;
-    int from; /* 0: built; HEIGHTS_ONLY: none; FROM_BEFORE: the 3x3 minimum of the line before, whose building is slow */
+    int from; /* 0: built; HEIGHTS_ONLY: none; FROM_BEFORE: the 3x3 minimum of the line before, which is slow to build */
 };
 
 struct cones {
@@ -84,20 +84,22 @@ static void method_name(struct result *r) {
     char cap[16] = "";
     if (r->method->max_steps) snprintf(cap, sizeof cap, " %d", r->method->max_steps);
     snprintf(r->name, sizeof r->name, "%s%s%s%s%s", r->tracer->name, refinements[r->method->refinement], cap,
-             r->cones->kind->from == HEIGHTS_ONLY ? "" : ", ", r->cones->kind->from == HEIGHTS_ONLY ? "" : r->cones->kind->name);
+             r->cones->kind->from == HEIGHTS_ONLY ? "" : ", ",
+             r->cones->kind->from == HEIGHTS_ONLY ? "" : r->cones->kind->name);
 }
 
 static void print_table(const struct result *results, int count) {
     struct cheapest least = cheapest_of(results, count);
-    printf("    %-29s %13s %9s %12s %5s %6s %7s %6s %6s %6s %5s\n", "", "generation", "bytes", "steps", "99.9",
-           "time", "missed", "capped", "texels", "error", "PSNR");
-    printf("    %-29s %7s %5s %4s %4s %6s %5s %5s %6s %7s %6s %6s %6s %5s\n", "", "ms", "ratio", "tx", "rat.", "mean", "ratio",
-           "%", "ratio", "%", "%", "ratio", "texels", "dB");
+    printf("    %-29s %13s %9s %12s %5s %6s %7s %6s %6s %6s %5s\n", "", "generation", "bytes", "steps", "99.9", "time",
+           "missed", "capped", "texels", "error", "PSNR");
+    printf("    %-29s %7s %5s %4s %4s %6s %5s %5s %6s %7s %6s %6s %6s %5s\n", "", "ms", "ratio", "tx", "rat.", "mean",
+           "ratio", "%", "ratio", "%", "%", "ratio", "texels", "dB");
     for (int k = 0; k < count; ++k) {
         const struct result *r = &results[k];
         char generation[24] = "      -     -";
         if (r->generation > 0)
-            snprintf(generation, sizeof generation, "%7.1f %5.0f", r->generation * 1e3, r->generation / least.generation);
+            snprintf(generation, sizeof generation, "%7.1f %5.0f", r->generation * 1e3,
+                     r->generation / least.generation);
         printf("%2d%s %-29.29s %13.13s %4.3g %4.3g %6.2f %5.2f %5.0f %6.2f %7.3f %6.2f %6.2f %6.3g %5.1f\n", k + 1,
                r->pareto ? "*" : " ", r->name, generation, r->bytes, r->bytes / least.bytes, r->steps,
                r->steps / least.steps, r->steps999, r->time / least.time, r->missed * 100, r->unconverged * 100,
@@ -116,13 +118,14 @@ static void write_csv(FILE *csv, const char *map, int width, int height, const c
     for (int k = 0; csv && k < count; ++k) {
         const struct result *r = &results[k];
         fprintf(csv,
-                "%s,%d,%d,\"%s\",\"%s\",\"%s\",\"%s\",%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.0f,%.4f,%.4f,%.6f,%.6f,%.3f,%.3f,%.4f,"
+                "%s,%d,%d,\"%s\",\"%s\",\"%s\",\"%s\",%d,%.3f,%.3f,%.4f,%.4f,%.4f,%.4f,%.0f,%.4f,%.4f,%.6f,%.6f,%.3f,%."
+                "3f,%.4f,"
                 "%.6g,%.6g,%.2f,%.6f\n",
-                map, width, height, rays, r->name, r->cones->kind->name, r->cones->kind->source, r->pareto, r->generation * 1e3,
-                r->generation / least.generation, r->bytes, r->bytes / least.bytes, r->steps, r->steps / least.steps,
-                r->steps999, r->steps999 / least.steps999, r->time / least.time, r->missed, r->unconverged, r->heights,
-                r->cone_texels, (r->heights + r->cone_texels) / least.texels, r->mean_error, r->max_error, r->psnr,
-                r->aperture);
+                map, width, height, rays, r->name, r->cones->kind->name, r->cones->kind->source, r->pareto,
+                r->generation * 1e3, r->generation / least.generation, r->bytes, r->bytes / least.bytes, r->steps,
+                r->steps / least.steps, r->steps999, r->steps999 / least.steps999, r->time / least.time, r->missed,
+                r->unconverged, r->heights, r->cone_texels, (r->heights + r->cone_texels) / least.texels, r->mean_error,
+                r->max_error, r->psnr, r->aperture);
     }
 }
 
@@ -140,13 +143,15 @@ struct plotted {
 
 struct panel {
     FILE *svg;
-    double x, y, w, h;        /* in the picture */
-    double x0, x1, y0, y1;    /* decades */
-    double taken[512][4];     /* boxes that labels must not cover */
+    double x, y, w, h;     /* in the picture */
+    double x0, x1, y0, y1; /* decades */
+    double taken[512][4];  /* boxes that labels must not cover */
     int boxes;
 };
 
-static double panel_x(const struct panel *p, double value) { return p->x + p->w * (log10(value) - p->x0) / (p->x1 - p->x0); }
+static double panel_x(const struct panel *p, double value) {
+    return p->x + p->w * (log10(value) - p->x0) / (p->x1 - p->x0);
+}
 static double panel_y(const struct panel *p, double value) {
     return p->y + p->h - p->h * (log10(value) - p->y0) / (p->y1 - p->y0);
 }
@@ -173,22 +178,32 @@ static void put_label(struct panel *p, double x, double y, const char *text, int
     double w = 6.3 * (double)strlen(text) + 2, h = 12;
     for (double far = 8; far < 170; far += 5)
         for (int k = 0; k < 16; ++k) {
-            double angle = 0.3927 * (k % 2 ? (k + 1) / 2 : -k / 2), cx = x + far * cos(angle), cy = y - far * sin(angle);
+            double angle = 0.3927 * (k % 2 ? (k + 1) / 2 : -k / 2), cx = x + far * cos(angle),
+                   cy = y - far * sin(angle);
             double left = cos(angle) > 0.3 ? cx : cos(angle) < -0.3 ? cx - w : cx - w / 2, top = cy - h / 2;
             if (!is_free(p, left, top, w, h)) continue;
             if (far > 12)
-                fprintf(p->svg, "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='#777' stroke-width='.6'/>\n", x, y,
-                        cos(angle) > 0.3 ? left : cos(angle) < -0.3 ? left + w : cx, sin(angle) > 0.8 ? top + h : sin(angle) < -0.8 ? top : cy);
-            fprintf(p->svg, "<text x='%.1f' y='%.1f'%s>%s</text>\n", left + 1, top + 10, bold ? " font-weight='bold'" : "", text);
+                fprintf(p->svg, "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='#777' stroke-width='.6'/>\n", x,
+                        y,
+                        cos(angle) > 0.3    ? left
+                        : cos(angle) < -0.3 ? left + w
+                                            : cx,
+                        sin(angle) > 0.8    ? top + h
+                        : sin(angle) < -0.8 ? top
+                                            : cy);
+            fprintf(p->svg, "<text x='%.1f' y='%.1f'%s>%s</text>\n", left + 1, top + 10,
+                    bold ? " font-weight='bold'" : "", text);
             take_box(p, left, top, w, h);
             return;
         }
-    fprintf(p->svg, "<text x='%.1f' y='%.1f'>%s</text>\n", x + 8, y, text); /* nowhere is free: better covered than lost */
+    fprintf(p->svg, "<text x='%.1f' y='%.1f'>%s</text>\n", x + 8, y,
+            text); /* nowhere is free: better covered than lost */
 }
 
 static void put_frame(struct panel *p, const char *title, const char *x_name, const char *y_name, const double *x_ticks,
                       int x_count, const double *y_ticks, int y_count) {
-    fprintf(p->svg, "<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='none' stroke='#000'/>\n", p->x, p->y, p->w, p->h);
+    fprintf(p->svg, "<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='none' stroke='#000'/>\n", p->x, p->y,
+            p->w, p->h);
     fprintf(p->svg, "<text x='%.1f' y='%.1f' font-size='13' font-weight='bold'>%s</text>\n", p->x, p->y - 8, title);
     for (int k = 0; k < x_count; ++k) {
         double x = panel_x(p, x_ticks[k]);
@@ -202,7 +217,8 @@ static void put_frame(struct panel *p, const char *title, const char *x_name, co
         fprintf(p->svg, "<line x1='%.1f' y1='%.1f' x2='%.1f' y2='%.1f' stroke='#ddd'/>\n", p->x, y, p->x + p->w, y);
         fprintf(p->svg, "<text x='%.1f' y='%.1f' text-anchor='end'>%g</text>\n", p->x - 4, y + 4, y_ticks[k]);
     }
-    fprintf(p->svg, "<text x='%.1f' y='%.1f' text-anchor='middle'>%s</text>\n", p->x + p->w / 2, p->y + p->h + 29, x_name);
+    fprintf(p->svg, "<text x='%.1f' y='%.1f' text-anchor='middle'>%s</text>\n", p->x + p->w / 2, p->y + p->h + 29,
+            x_name);
     fprintf(p->svg, "<text transform='translate(%.1f %.1f) rotate(-90)' text-anchor='middle'>%s</text>\n", p->x - 44,
             p->y + p->h / 2, y_name);
 }
@@ -213,12 +229,14 @@ static void put_mark(FILE *svg, const char *tracer, double x, double y) {
         fprintf(svg, "<path d='M%.1f %.1f l5 9 h-10 z' fill='#fff' stroke='#000'/>\n", x, y - 6);
     else if (strcmp(tracer, "maxmip") == 0 || strcmp(tracer, "qdm") == 0)
         fprintf(svg, "<path d='M%.1f %.1f l5 5 l-5 5 l-5 -5 z' fill='#bbb' stroke='#000'/>\n", x, y - 5);
-    else if (strcmp(tracer, "exact") == 0) fprintf(svg, "<circle cx='%.1f' cy='%.1f' r='4' stroke='#000'/>\n", x, y);
+    else if (strcmp(tracer, "exact") == 0)
+        fprintf(svg, "<circle cx='%.1f' cy='%.1f' r='4' stroke='#000'/>\n", x, y);
     else if (strcmp(tracer, "cell-max") == 0)
         fprintf(svg, "<circle cx='%.1f' cy='%.1f' r='4' fill='#fff' stroke='#000'/>\n", x, y);
     else if (strcmp(tracer, "exact-step") == 0)
         fprintf(svg, "<rect x='%.1f' y='%.1f' width='7' height='7' fill='#fff' stroke='#000'/>\n", x - 3.5, y - 3.5);
-    else fprintf(svg, "<path d='M%.1f %.1f l8 8 m0 -8 l-8 8' stroke='#000' stroke-width='1.6'/>\n", x - 4, y - 4);
+    else
+        fprintf(svg, "<path d='M%.1f %.1f l8 8 m0 -8 l-8 8' stroke='#000' stroke-width='1.6'/>\n", x - 4, y - 4);
 }
 
 #define LEAST_ERROR 1e-6
@@ -310,7 +328,8 @@ static void plot_apertures(FILE *svg, const struct plotted *m, double x, double 
     p.x1 = log10(most) + 0.3;
     p.y0 = log10(low) - 0.1;
     p.y1 = log10(high) + 0.1;
-    put_frame(&p, "aperture against generation", "milliseconds to build", "mean of min(tan, 1)", times, 10, apertures, 10);
+    put_frame(&p, "aperture against generation", "milliseconds to build", "mean of min(tan, 1)", times, 10, apertures,
+              10);
     for (int k = 0; k < m->kinds; ++k) {
         points[k][0] = m->generation[k];
         points[k][1] = m->aperture[k];
@@ -326,13 +345,16 @@ static void plot_apertures(FILE *svg, const struct plotted *m, double x, double 
 /* The whole picture: the key of the numbers, and two plots a map. */
 static void write_svg(FILE *svg, const struct plotted *maps, int count) {
     static const char *const shapes[] = {"linear", "qdm", "exact", "cell-max", "exact-step", "loop"};
-    static const char *const said[] = {"linear", "maxima (maxmip, qdm)", "exact", "cell-max", "exact-step", "loop, fixed"};
+    static const char *const said[] = {"linear",   "maxima (maxmip, qdm)", "exact",
+                                       "cell-max", "exact-step",           "loop, fixed"};
     int rows = (maps[0].count + 2) / 3, width = 1240, row = 460, top = 70 + 15 * rows, height = top + 40 + row * count;
+    fprintf(
+        svg,
+        "<svg xmlns='http://www.w3.org/2000/svg' width='%d' height='%d' viewBox='0 0 %d %d' font-family='sans-serif' "
+        "font-size='11'>\n<rect width='100%%' height='100%%' fill='#fff'/>\n",
+        width, height, width, height);
     fprintf(svg,
-            "<svg xmlns='http://www.w3.org/2000/svg' width='%d' height='%d' viewBox='0 0 %d %d' font-family='sans-serif' "
-            "font-size='11'>\n<rect width='100%%' height='100%%' fill='#fff'/>\n",
-            width, height, width, height);
-    fprintf(svg, "<text x='60' y='26' font-size='16' font-weight='bold'>conemap.h: what accuracy costs in time</text>\n");
+            "<text x='60' y='26' font-size='16' font-weight='bold'>conemap.h: what accuracy costs in time</text>\n");
     for (int k = 0; k < 6; ++k) {
         put_mark(svg, shapes[k], 66 + 140 * k + (k > 1 ? 40 : 0), 44);
         fprintf(svg, "<text x='%d' y='48'>%s</text>\n", 76 + 140 * k + (k > 1 ? 40 : 0), said[k]);
@@ -368,18 +390,22 @@ static void put_pixel(struct sheet *s, int x, int y, double r, double g, double 
 static void put_text(struct sheet *s, int x, int y, const char *text) {
     static const char known[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.,+-%/():=";
     static const unsigned char rows[][7] = {
-        {14, 17, 17, 31, 17, 17, 17}, {30, 17, 17, 30, 17, 17, 30}, {14, 17, 16, 16, 16, 17, 14}, {30, 17, 17, 17, 17, 17, 30},
-        {31, 16, 16, 30, 16, 16, 31}, {31, 16, 16, 30, 16, 16, 16}, {14, 17, 16, 23, 17, 17, 15}, {17, 17, 17, 31, 17, 17, 17},
-        {14, 4, 4, 4, 4, 4, 14},      {7, 2, 2, 2, 2, 18, 12},      {17, 18, 20, 24, 20, 18, 17}, {16, 16, 16, 16, 16, 16, 31},
-        {17, 27, 21, 21, 17, 17, 17}, {17, 25, 21, 19, 17, 17, 17}, {14, 17, 17, 17, 17, 17, 14}, {30, 17, 17, 30, 16, 16, 16},
-        {14, 17, 17, 17, 21, 18, 13}, {30, 17, 17, 30, 20, 18, 17}, {15, 16, 16, 14, 1, 1, 30},   {31, 4, 4, 4, 4, 4, 4},
-        {17, 17, 17, 17, 17, 17, 14}, {17, 17, 17, 17, 17, 10, 4},  {17, 17, 17, 21, 21, 27, 17}, {17, 17, 10, 4, 10, 17, 17},
-        {17, 17, 10, 4, 4, 4, 4},     {31, 1, 2, 4, 8, 16, 31},     {14, 17, 19, 21, 25, 17, 14}, {4, 12, 4, 4, 4, 4, 14},
-        {14, 17, 1, 6, 8, 16, 31},    {31, 2, 4, 2, 1, 17, 14},     {2, 6, 10, 18, 31, 2, 2},     {31, 16, 30, 1, 1, 17, 14},
-        {6, 8, 16, 30, 17, 17, 14},   {31, 1, 2, 4, 8, 8, 8},       {14, 17, 17, 14, 17, 17, 14}, {14, 17, 17, 15, 1, 2, 12},
-        {0, 0, 0, 0, 0, 12, 12},      {0, 0, 0, 0, 12, 4, 8},       {0, 4, 4, 31, 4, 4, 0},       {0, 0, 0, 31, 0, 0, 0},
-        {24, 25, 2, 4, 8, 19, 3},     {0, 1, 2, 4, 8, 16, 0},       {2, 4, 8, 8, 8, 4, 2},        {8, 4, 2, 2, 2, 4, 8},
-        {0, 12, 12, 0, 12, 12, 0},    {0, 0, 31, 0, 31, 0, 0},
+        {14, 17, 17, 31, 17, 17, 17}, {30, 17, 17, 30, 17, 17, 30}, {14, 17, 16, 16, 16, 17, 14},
+        {30, 17, 17, 17, 17, 17, 30}, {31, 16, 16, 30, 16, 16, 31}, {31, 16, 16, 30, 16, 16, 16},
+        {14, 17, 16, 23, 17, 17, 15}, {17, 17, 17, 31, 17, 17, 17}, {14, 4, 4, 4, 4, 4, 14},
+        {7, 2, 2, 2, 2, 18, 12},      {17, 18, 20, 24, 20, 18, 17}, {16, 16, 16, 16, 16, 16, 31},
+        {17, 27, 21, 21, 17, 17, 17}, {17, 25, 21, 19, 17, 17, 17}, {14, 17, 17, 17, 17, 17, 14},
+        {30, 17, 17, 30, 16, 16, 16}, {14, 17, 17, 17, 21, 18, 13}, {30, 17, 17, 30, 20, 18, 17},
+        {15, 16, 16, 14, 1, 1, 30},   {31, 4, 4, 4, 4, 4, 4},       {17, 17, 17, 17, 17, 17, 14},
+        {17, 17, 17, 17, 17, 10, 4},  {17, 17, 17, 21, 21, 27, 17}, {17, 17, 10, 4, 10, 17, 17},
+        {17, 17, 10, 4, 4, 4, 4},     {31, 1, 2, 4, 8, 16, 31},     {14, 17, 19, 21, 25, 17, 14},
+        {4, 12, 4, 4, 4, 4, 14},      {14, 17, 1, 6, 8, 16, 31},    {31, 2, 4, 2, 1, 17, 14},
+        {2, 6, 10, 18, 31, 2, 2},     {31, 16, 30, 1, 1, 17, 14},   {6, 8, 16, 30, 17, 17, 14},
+        {31, 1, 2, 4, 8, 8, 8},       {14, 17, 17, 14, 17, 17, 14}, {14, 17, 17, 15, 1, 2, 12},
+        {0, 0, 0, 0, 0, 12, 12},      {0, 0, 0, 0, 12, 4, 8},       {0, 4, 4, 31, 4, 4, 0},
+        {0, 0, 0, 31, 0, 0, 0},       {24, 25, 2, 4, 8, 19, 3},     {0, 1, 2, 4, 8, 16, 0},
+        {2, 4, 8, 8, 8, 4, 2},        {8, 4, 2, 2, 2, 4, 8},        {0, 12, 12, 0, 12, 12, 0},
+        {0, 0, 31, 0, 31, 0, 0},
     };
     for (; *text; ++text, x += 6) {
         char c = *text >= 'a' && *text <= 'z' ? (char)(*text - 'a' + 'A') : *text;
@@ -393,12 +419,13 @@ static void put_text(struct sheet *s, int x, int y, const char *text) {
 
 /* Dark to bright all the way, so that it reads without colour too. */
 static void put_heat(struct sheet *s, int x, int y, double t) {
-    static const double ramp[5][3] = {{0, 0, 0.1}, {0.35, 0.05, 0.4}, {0.8, 0.25, 0.25}, {0.98, 0.65, 0.2}, {1, 1, 0.85}};
+    static const double ramp[5][3] = {
+        {0, 0, 0.1}, {0.35, 0.05, 0.4}, {0.8, 0.25, 0.25}, {0.98, 0.65, 0.2}, {1, 1, 0.85}};
     double at = clamp_to(t, 0, 1) * 4, part;
     int k = at < 3 ? (int)at : 3;
     part = at - k;
-    put_pixel(s, x, y, ramp[k][0] + (ramp[k + 1][0] - ramp[k][0]) * part, ramp[k][1] + (ramp[k + 1][1] - ramp[k][1]) * part,
-              ramp[k][2] + (ramp[k + 1][2] - ramp[k][2]) * part);
+    put_pixel(s, x, y, ramp[k][0] + (ramp[k + 1][0] - ramp[k][0]) * part,
+              ramp[k][1] + (ramp[k + 1][1] - ramp[k][1]) * part, ramp[k][2] + (ramp[k + 1][2] - ramp[k][2]) * part);
 }
 
 /* ---- one page with everything -------------------------------------------------------------------------- */
@@ -424,26 +451,32 @@ static void write_html(FILE *html, const struct plotted *maps, int count, const 
     write_svg(html, maps, count);
     for (int m = 0; m < count; ++m) {
         struct cheapest least = cheapest_of(maps[m].results, maps[m].count);
-        fprintf(html, "<h2>%s, %d x %d</h2><p>Bold: nothing is both faster and nearer to the truth. Small: over the cheapest.</p>\n"
-                      "<table><tr><th><th>method<th>build ms<th>bytes/texel<th>steps<th>99.9 %%<th>time<th>missed %%"
-                      "<th>capped %%<th>height texels<th>cone texels<th>mean error<th>max error<th>PSNR</tr>\n",
+        fprintf(html,
+                "<h2>%s, %d x %d</h2><p>Bold: nothing is both faster and nearer to the truth. Small: over the "
+                "cheapest.</p>\n"
+                "<table><tr><th><th>method<th>build ms<th>bytes/texel<th>steps<th>99.9 %%<th>time<th>missed %%"
+                "<th>capped %%<th>height texels<th>cone texels<th>mean error<th>max error<th>PSNR</tr>\n",
                 maps[m].name, maps[m].width, maps[m].height);
         for (int k = 0; k < maps[m].count; ++k) {
             const struct result *r = &maps[m].results[k];
-            fprintf(html, "<tr%s><td>%d<td>%s<td>%.1f <small>%.3g</small><td>%.3g <small>%.2g</small><td>%.2f <small>%.2f</small>"
-                          "<td>%.0f <small>%.2f</small><td>%.2f<td>%.3f<td>%.2f<td>%.1f<td>%.1f <small>%.2f</small><td>%.3g"
-                          "<td>%.3g<td>%.1f</tr>\n",
-                    r->pareto ? " class='p'" : "", k + 1, r->name, r->generation * 1e3, r->generation / least.generation,
-                    r->bytes, r->bytes / least.bytes, r->steps, r->steps / least.steps, r->steps999,
-                    r->steps999 / least.steps999, r->time / least.time, r->missed * 100, r->unconverged * 100, r->heights,
-                    r->cone_texels, (r->heights + r->cone_texels) / least.texels, r->mean_error, r->max_error, r->psnr);
+            fprintf(
+                html,
+                "<tr%s><td>%d<td>%s<td>%.1f <small>%.3g</small><td>%.3g <small>%.2g</small><td>%.2f <small>%.2f</small>"
+                "<td>%.0f <small>%.2f</small><td>%.2f<td>%.3f<td>%.2f<td>%.1f<td>%.1f <small>%.2f</small><td>%.3g"
+                "<td>%.3g<td>%.1f</tr>\n",
+                r->pareto ? " class='p'" : "", k + 1, r->name, r->generation * 1e3, r->generation / least.generation,
+                r->bytes, r->bytes / least.bytes, r->steps, r->steps / least.steps, r->steps999,
+                r->steps999 / least.steps999, r->time / least.time, r->missed * 100, r->unconverged * 100, r->heights,
+                r->cone_texels, (r->heights + r->cone_texels) / least.texels, r->mean_error, r->max_error, r->psnr);
         }
         fprintf(html, "</table>\n");
         size_t size;
         unsigned char *png = sheets[m] ? read_file(sheets[m], &size) : NULL;
         if (png) {
-            fprintf(html, "<p>Left: the view, rays that miss their first hit or do not converge in magenta. Right: steps.</p>"
-                          "<img alt='%s by method' src='data:image/png;base64,", maps[m].name);
+            fprintf(html,
+                    "<p>Left: the view, rays that miss their first hit or do not converge in magenta. Right: steps.</p>"
+                    "<img alt='%s by method' src='data:image/png;base64,",
+                    maps[m].name);
             write_base64(html, png, size);
             fprintf(html, "'>\n");
             free(png);

@@ -1,17 +1,16 @@
-/* How wide could cones that are safe for the bilinear surface be? For a rectangle R of apices within one bilinear cell this
-   brackets the supremum over p in R and all points q of the surface of slope(p, q) = (h(q) - h(p)) / |q - p|, in double
-   precision and independently of the header: from below by slopes of real pairs of points, from above by bounds for pairs
-   of patches, halving the pair with the largest bound first until both agree.
+/* How wide could cones that are safe for the bilinear surface be? For a rectangle R of apices within one bilinear
+   cell this brackets the supremum over p in R and all points q of the surface of slope(p, q) = (h(q) - h(p)) / |q - p|, in double precision and independently of the header: from below by slopes of real pairs of points, from above
+   by bounds for pairs of patches, halving the pair with the largest bound first until both agree.
 
    Bounds for a pair of patches R and Q, i and j running over their corners:
    (a) (max h(Q) - min h(R)) over the least distance.
    (b) the largest (h_j - h_i) / sqrt(D_ij^2 - V), V the sum of the squared sides of both over 4: corner heights and
-       squared corner distances average, under the bilinear weights, to h(q) - h(p) and to |q - p|^2 plus at most V, and
-       the square root is concave.
-   (c) for patches that touch, the longest gradient in the directions that lead from R to Q, over everything between them: a
-       slope is the mean of derivatives along the segment.
-   Only clamped maps, aspect 1. The outer half cells need no looking at: apices and points there have the heights of their
-   projection onto the rectangle of centres, which only shortens |q - p|. */
+       squared corner distances average, under the bilinear weights, to h(q) - h(p) and to |q - p|^2 plus at most V,
+       and the square root is concave.
+   (c) for patches that touch, the longest gradient in the directions that lead from R to Q, over everything between
+       them: a slope is the mean of derivatives along the segment.
+   Only clamped maps, aspect 1. The outer half cells need no looking at: apices and points there have the heights of
+   their projection onto the rectangle of centres, which only shortens |q - p|. */
 #ifndef APERTURE_H
 #define APERTURE_H
 
@@ -22,7 +21,7 @@
 #include <string.h>
 
 struct aperture_patch {
-    int i, j;           /* its cell */
+    int i, j;            /* its cell */
     double x, y, sx, sy; /* in texels; corner k at (x + (k & 1) sx, y + (k >> 1) sy) */
     double h[4];
 };
@@ -42,8 +41,8 @@ struct aperture {
     float *maxima[17]; /* over blocks of cells */
     struct aperture_pair *heap;
     int count, room, failed;
-    double low;        /* the steepest real pair so far */
-    long work;         /* pairs looked at, in all */
+    double low; /* the steepest real pair so far */
+    long work;  /* pairs looked at, in all */
 };
 
 static inline void aperture_free(struct aperture *ap)
@@ -98,8 +97,8 @@ static inline double aperture_texel(const struct aperture *ap, int i, int j)
 }
 
 /* The part x0..x0 + sx, y0..y0 + sy (0..1) of cell (i, j). */
-static inline struct aperture_patch aperture_part(const struct aperture *ap, int i, int j, double x0, double y0, double sx,
-                                                  double sy)
+static inline struct aperture_patch aperture_part(const struct aperture *ap, int i, int j, double x0, double y0,
+                                                  double sx, double sy)
 {
     struct aperture_patch patch;
     double h00 = aperture_texel(ap, i, j), h10 = aperture_texel(ap, i + 1, j);
@@ -124,15 +123,9 @@ static inline double aperture_gap(double low0, double size0, double low1, double
     return gap > 0.0 ? gap : 0.0;
 }
 
-static inline double aperture_most(const double *h)
-{
-    return fmax(fmax(h[0], h[1]), fmax(h[2], h[3]));
-}
+static inline double aperture_most(const double *h) { return fmax(fmax(h[0], h[1]), fmax(h[2], h[3])); }
 
-static inline double aperture_least(const double *h)
-{
-    return fmin(fmin(h[0], h[1]), fmin(h[2], h[3]));
-}
+static inline double aperture_least(const double *h) { return fmin(fmin(h[0], h[1]), fmin(h[2], h[3])); }
 
 /* The steepest ascent per uv along one axis, for slopes g0..g1 a texel, where the way may lead forth and back. */
 static inline double aperture_ascent(double g0, double g1, int forth, int back, double size)
@@ -144,7 +137,8 @@ static inline double aperture_ascent(double g0, double g1, int forth, int back, 
 }
 
 /* Bound (c). */
-static inline double aperture_gradient(const struct aperture *ap, const struct aperture_patch *r, const struct aperture_patch *q)
+static inline double aperture_gradient(const struct aperture *ap, const struct aperture_patch *r,
+                                       const struct aperture_patch *q)
 {
     double x0 = fmin(r->x, q->x), x1 = fmax(r->x + r->sx, q->x + q->sx), most = 0.0;
     double y0 = fmin(r->y, q->y), y1 = fmax(r->y + r->sy, q->y + q->sy);
@@ -198,7 +192,8 @@ static inline double aperture_bound(struct aperture *ap, const struct aperture_p
 {
     double nx = aperture_gap(r->x, r->sx, q->x, q->sx) * ap->a, ny = aperture_gap(r->y, r->sy, q->y, q->sy) * ap->b;
     double rise = aperture_most(q->h) - aperture_least(r->h), least2 = nx * nx + ny * ny, bound, corners = 0.0;
-    double v = 0.25 * ((r->sx * r->sx + q->sx * q->sx) * ap->a * ap->a + (r->sy * r->sy + q->sy * q->sy) * ap->b * ap->b);
+    double v =
+        0.25 * ((r->sx * r->sx + q->sx * q->sx) * ap->a * ap->a + (r->sy * r->sy + q->sy * q->sy) * ap->b * ap->b);
     int i, j;
     ++ap->work;
     for (i = 0; i < 4; ++i)
@@ -234,7 +229,8 @@ static inline void aperture_push(struct aperture *ap, const struct aperture_pair
         ap->heap = heap;
         ap->room = room;
     }
-    for (k = ap->count++; k > 0 && ap->heap[(k - 1) / 2].bound < pair->bound; k = (k - 1) / 2) ap->heap[k] = ap->heap[(k - 1) / 2];
+    for (k = ap->count++; k > 0 && ap->heap[(k - 1) / 2].bound < pair->bound; k = (k - 1) / 2)
+        ap->heap[k] = ap->heap[(k - 1) / 2];
     ap->heap[k] = *pair;
 }
 
@@ -268,10 +264,10 @@ static inline void aperture_push_block(struct aperture *ap, const struct apertur
     aperture_push(ap, &pair);
 }
 
-/* Brackets max(at_least, the supremum over p in r and q anywhere) to within the factor 1 + tolerance. Returns 1, or 0 without
-   memory or where a million pairs do not do; *low and *high are true bounds in any case but that of memory. */
-static inline int aperture_bracket(struct aperture *ap, const struct aperture_patch *r, double at_least, double tolerance,
-                                   double *low, double *high)
+/* Brackets max(at_least, the supremum over p in r and q anywhere) to within the factor 1 + tolerance. Returns 1, or 0
+   without memory or where a million pairs do not do; *low and *high are true bounds in any case but that of memory. */
+static inline int aperture_bracket(struct aperture *ap, const struct aperture_patch *r, double at_least,
+                                   double tolerance, double *low, double *high)
 {
     long stop = ap->work + 1000000;
     ap->count = 0;
@@ -281,7 +277,8 @@ static inline int aperture_bracket(struct aperture *ap, const struct aperture_pa
         struct aperture_pair top = aperture_pop(ap), next;
         int k;
         if (top.level > 0) {
-            for (k = 0; k < 4; ++k) aperture_push_block(ap, r, top.level - 1, 2 * top.x + (k & 1), 2 * top.y + (k >> 1));
+            for (k = 0; k < 4; ++k)
+                aperture_push_block(ap, r, top.level - 1, 2 * top.x + (k & 1), 2 * top.y + (k >> 1));
             continue;
         }
         next.level = -1;
@@ -325,18 +322,18 @@ static inline int aperture_bracket(struct aperture *ap, const struct aperture_pa
     return !ap->failed && *high <= *low * (1.0 + tolerance);
 }
 
-/* What a map's cones are against the widest that the supremum allows: a texel's best is 1 / the steepest supremum of the
-   cells that touch it, a cell's best 1 / its own. Means of min(tan, 1) over the texels looked at; best_low <= best <=
-   best_high. */
+/* What a map's cones are against the widest that the supremum allows: a texel's best is 1 / the steepest supremum of
+   the cells that touch it, a cell's best 1 / its own. Means of min(tan, 1) over the texels looked at; best_low <=
+   best <= best_high. */
 struct aperture_report {
-    long texels, open;         /* looked at; with a cell whose bracket stayed open */
-    long wider;                /* stored cones wider than 1 / the steepest real pair, by more than 2^-20 of that */
+    long texels, open; /* looked at; with a cell whose bracket stayed open */
+    long wider;        /* stored cones wider than 1 / the steepest real pair, by more than 2^-20 of that */
     double stored, best_low, best_high;
-    double pairs;              /* of patches looked at for a cell */
+    double pairs; /* of patches looked at for a cell */
 };
 
-/* tangents: one for each texel, or for each cell by its lower corner. sample: so many texels at random (with repetition), or
-   0 for all. Returns 0 without memory. */
+/* tangents: one for each texel, or for each cell by its lower corner. sample: so many texels at random (with
+   repetition), or 0 for all. Returns 0 without memory. */
 static inline int aperture_compare(int width, int height, const float *heights, const float *tangents, int per_cell,
                                    long sample, double tolerance, struct aperture_report *report)
 {
@@ -394,12 +391,14 @@ static inline int aperture_compare(int width, int height, const float *heights, 
     return good;
 }
 
-/* EXPERIMENT: the corner values of cells chosen together. What interpolation must obey is a tangent of at most 1 / slope at
-   every point of a cell, not at its corners. Each cell is cut into parts x parts; nowhere in a part may the tangent exceed
-   1 / the part's own supremum, so at the part's corners; and since a bilinear function over the part is at most its
-   largest corner, that is enough. Starting from safe `tangents`, texels are raised greedily, in an order without
-   pattern, at first by a share of the room that their four cells leave, in the end by all of it. Returns 0 without memory. */
-static inline int aperture_raise(int width, int height, const float *heights, float *tangents, int parts, double tolerance)
+/* EXPERIMENT: the corner values of cells chosen together. What interpolation must obey is a tangent of at most 1 /
+   slope at every point of a cell, not at its corners. Each cell is cut into parts x parts; nowhere in a part may the
+   tangent exceed 1 / the part's own supremum, so at the part's corners; and since a bilinear function over the part
+   is at most its largest corner, that is enough. Starting from safe `tangents`, texels are raised greedily, in an
+   order without pattern, at first by a share of the room that their four cells leave, in the end by all of it.
+   Returns 0 without memory. */
+static inline int aperture_raise(int width, int height, const float *heights, float *tangents, int parts,
+                                 double tolerance)
 {
     struct aperture ap;
     size_t columns = (size_t)(width - 1) * (size_t)parts + 1, rows = (size_t)(height - 1) * (size_t)parts + 1, k;
@@ -445,7 +444,8 @@ static inline int aperture_raise(int width, int height, const float *heights, fl
                         u * v * (double)tangents[(size_t)ny * (size_t)width + (size_t)nx];
                     room = fmin(room, (most[(size_t)y * columns + (size_t)x] - t) / weight);
                 }
-            if (room > 0.0) tangents[at] = (float)((double)tangents[at] + (round < 9 ? 0.25 : 1.0) * room * (1.0 - 1e-6));
+            if (room > 0.0)
+                tangents[at] = (float)((double)tangents[at] + (round < 9 ? 0.25 : 1.0) * room * (1.0 - 1e-6));
         }
     free(most);
     aperture_free(&ap);

@@ -1,5 +1,5 @@
-/* The planner: what it refuses, what it must choose without tolerances, and that its choices keep them on maps it does not
-   know. */
+/* The planner: what it refuses, what it must choose without tolerances, and that its choices keep them on maps it
+   does not know. */
 #include <math.h>
 #include <string.h>
 
@@ -89,10 +89,10 @@ static void bad_input_is_refused(void)
     zoo_fill(ZOO_FBM, W, W, 1, pixels);
     CHECK(conemap_get_statistics(&heights, NULL) == CONEMAP_ERROR_NULL, "no statistics");
     CHECK(conemap_get_statistics(NULL, &statistics) == CONEMAP_ERROR_NULL, "no heights");
-#define REFUSED(change, result)                                                                                    \
-    bad = heights;                                                                                                 \
-    memset(&statistics, 1, sizeof statistics);                                                                     \
-    bad.change;                                                                                                    \
+#define REFUSED(change, result)                                                                                        \
+    bad = heights;                                                                                                     \
+    memset(&statistics, 1, sizeof statistics);                                                                         \
+    bad.change;                                                                                                        \
     CHECK(conemap_get_statistics(&bad, &statistics) == result && is_zero(&statistics, sizeof statistics), #change)
     REFUSED(pixels = NULL, CONEMAP_ERROR_NULL);
     REFUSED(width = 0, CONEMAP_ERROR_SIZE);
@@ -109,10 +109,10 @@ static void bad_input_is_refused(void)
     REQUIRE(conemap_get_statistics(&heights, &desc.statistics) == CONEMAP_OK, "statistics");
     CHECK(conemap_plan(&desc, NULL) == CONEMAP_ERROR_NULL, "no plan");
     CHECK(conemap_plan(NULL, &plan) == CONEMAP_ERROR_NULL, "no desc");
-#define WRONG(change, result)                                                                                      \
-    wrong = desc;                                                                                                  \
-    memset(&plan, 1, sizeof plan);                                                                                 \
-    wrong.change;                                                                                                  \
+#define WRONG(change, result)                                                                                          \
+    wrong = desc;                                                                                                      \
+    memset(&plan, 1, sizeof plan);                                                                                     \
+    wrong.change;                                                                                                      \
     CHECK(conemap_plan(&wrong, &plan) == result && is_zero(&plan, sizeof plan), #change)
     WRONG(statistics.width = 0, CONEMAP_ERROR_SIZE);
     WRONG(statistics.height = -1, CONEMAP_ERROR_SIZE);
@@ -178,7 +178,8 @@ static double missed_share(const float *pixels, int width, int height, const con
         flat = sqrt(direction[0] * direction[0] + direction[1] * direction[1]);
         if (hits[k].status == CONEMAP_HIT) until -= 1.0 / (flat * (double)(width > height ? width : height));
         *steps += (double)hits[k].steps / RAYS;
-        missed += until > 0.0 && truth_clearance(&truth, origin, direction, 0.0, until) < -1.0 / 1048576.0 ? 1.0 / RAYS : 0.0;
+        missed +=
+            until > 0.0 && truth_clearance(&truth, origin, direction, 0.0, until) < -1.0 / 1048576.0 ? 1.0 / RAYS : 0.0;
     }
     conemap_free(&map);
     return missed;
@@ -207,7 +208,8 @@ static void choices_keep_their_tolerance(void)
             memset(&again, 2, sizeof again);
             REQUIRE(conemap_plan(&desc, &plan) == CONEMAP_OK && conemap_plan(&desc, &again) == CONEMAP_OK, "no plan");
             CHECK(memcmp(&plan, &again, sizeof plan) == 0, "two plans for the same needs differ");
-            CHECK(plan.within_budget && plan.missed <= tolerances[n], "%s: the plan breaks its own tolerance", zoo_name(kinds[k]));
+            CHECK(plan.within_budget && plan.missed <= tolerances[n], "%s: the plan breaks its own tolerance",
+                  zoo_name(kinds[k]));
             CHECK(n == 0 || plan.time <= before, "%s: tolerating more costs more", zoo_name(kinds[k]));
             before = plan.time;
             missed = missed_share(pixels, W, H, &plan, &steps);
@@ -248,7 +250,8 @@ static void budgets_and_builds_count(void)
     CHECK(plan.within_budget, "a large budget is kept");
     desc.rays_per_build = 1.0f; /* a build for a single ray: the cheapest one to make */
     REQUIRE(conemap_plan(&desc, &plan) == CONEMAP_OK, "no plan");
-    CHECK(plan.build_time <= once.build_time && plan.trace.tracer == CONEMAP_TRACE_MAXMIP, "one ray a build is for maxima");
+    CHECK(plan.build_time <= once.build_time && plan.trace.tracer == CONEMAP_TRACE_MAXMIP,
+          "one ray a build is for maxima");
     CHECK(once.time <= plan.time, "what is built once is the quickest to trace");
 }
 

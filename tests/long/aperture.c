@@ -1,7 +1,8 @@
-/* aperture: how good the bilinear-safe cones are. On fractal, bricks, spikes, white noise and the elevation model, at 128, 512
-   and full size:
-   - the mean of min(tan, 1) of the cones stored is at least 0.97 of what the true supremum allows, which is bracketed to 1 %
-     (on the larger maps for 6000 texels at random), and no stored cone is wider than a real pair of points allows;
+/* aperture: how good the bilinear-safe cones are. On fractal, bricks, spikes, white noise and the elevation model, at
+   128, 512 and full size:
+   - the mean of min(tan, 1) of the cones stored is at least 0.97 of what the true supremum allows, which is bracketed
+     to 1 % (on the larger maps for 6000 texels at random), and no stored cone is wider than a real pair of points
+     allows;
    - at full size, rays at random need at most 1.05 (white noise: 1.15; elevation model: 1.1) times the steps that
      vertex cones with the 3x3 correction need.
    Before that: the brackets hold what pairs of points at random find, and narrower and wider cones are told apart.
@@ -83,9 +84,11 @@ static void brackets(void)
             for (i = 0; i < W - 1; ++i) {
                 struct aperture_patch cell = aperture_part(&ap, i, j, 0.0, 0.0, 1.0, 1.0);
                 double low, high, found = 0.0;
-                check(aperture_bracket(&ap, &cell, 0.0, 0.01, &low, &high), "the bracket stays open", zoo_name(kind), W);
+                check(aperture_bracket(&ap, &cell, 0.0, 0.01, &low, &high), "the bracket stays open", zoo_name(kind),
+                      W);
                 for (n = 0; n < 20000; ++n) {
-                    double pu = (i + 0.5 + (double)zoo_unit(&random)) / W, pv = (j + 0.5 + (double)zoo_unit(&random)) / H;
+                    double pu = (i + 0.5 + (double)zoo_unit(&random)) / W,
+                           pv = (j + 0.5 + (double)zoo_unit(&random)) / H;
                     double reach = n % 2 ? 1.0 : 0.1; /* half of them near by */
                     double qu = pu + reach * (2.0 * (double)zoo_unit(&random) - 1.0);
                     double qv = pv + reach * (2.0 * (double)zoo_unit(&random) - 1.0), distance;
@@ -97,7 +100,8 @@ static void brackets(void)
                     if (distance < 1e-6) continue;
                     found = fmax(found, (truth_height(&truth, qu, qv) - truth_height(&truth, pu, pv)) / distance);
                 }
-                check(found <= high * (1.0 + 1e-9) + 1e-9, "a pair of points is steeper than the bracket", zoo_name(kind), W);
+                check(found <= high * (1.0 + 1e-9) + 1e-9, "a pair of points is steeper than the bracket",
+                      zoo_name(kind), W);
                 if (low > 0.0) nearest = fmin(nearest, found / low);
             }
         check(nearest > 0.5, "points at random find less than half the bracket", zoo_name(kind), W);
@@ -112,7 +116,8 @@ static void compare(const char *name, const struct image *image, int full)
     struct aperture_report report;
     for (per_cell = 0; per_cell < 2; ++per_cell) {
         conemap_map map = build(image, CONEMAP_GUARANTEE_BILINEAR, 0, per_cell);
-        if (!aperture_compare(image->width, image->height, map.heights, map.cones, per_cell, sample, 0.01, &report)) exit(2);
+        if (!aperture_compare(image->width, image->height, map.heights, map.cones, per_cell, sample, 0.01, &report))
+            exit(2);
         printf("%-9s %4d x %-4d %s: mean aperture %.5f, %.4f..%.4f of the best\n", name, image->width, image->height,
                per_cell ? "per cell" : "bilinear", report.stored, report.stored / report.best_high,
                report.stored / report.best_low);
@@ -124,10 +129,12 @@ static void compare(const char *name, const struct image *image, int full)
             float *other = (float *)malloc(texels * sizeof *other);
             if (!other) exit(2);
             for (k = 0; k < texels; ++k) other[k] = map.cones[k] * 0.96f;
-            if (!aperture_compare(image->width, image->height, map.heights, other, per_cell, 3000, 0.01, &report)) exit(2);
+            if (!aperture_compare(image->width, image->height, map.heights, other, per_cell, 3000, 0.01, &report))
+                exit(2);
             check(report.stored < 0.97 * report.best_high, "cones narrower by 4 % pass", name, image->width);
             for (k = 0; k < texels; ++k) other[k] = map.cones[k] * 1.03f;
-            if (!aperture_compare(image->width, image->height, map.heights, other, per_cell, 3000, 0.01, &report)) exit(2);
+            if (!aperture_compare(image->width, image->height, map.heights, other, per_cell, 3000, 0.01, &report))
+                exit(2);
             check(report.wider > 0, "cones wider by 3 % pass", name, image->width);
             free(other);
         }
