@@ -20,7 +20,7 @@ static const struct cone_kind kinds[] = {
     {"quick naive", "[VB22] 1", CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"quick", "[VB22] 2", CONEMAP_QUICK, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"quick 3x3", "[VB22] [BV24]", CONEMAP_QUICK, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32, 0},
-    {"quick center", "[VB22]", CONEMAP_QUICK_CENTER, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
+    {"center", "[VB22]", CONEMAP_QUICK_CENTER, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"sampled", "[PO07]", CONEMAP_RELAXED_SAMPLED, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, CONEMAP_F32, 0},
     {"sampled 3x3", "[PO07] [BV24]", CONEMAP_RELAXED_SAMPLED, CONEMAP_GUARANTEE_DEFAULT, 0, 1, 0, CONEMAP_F32,
      FROM_BEFORE},
@@ -72,7 +72,7 @@ static const struct method chosen[] = {
     {"vertex 3x3", "exact", NONE, 0, 0},
     {"quick", "exact-step", SECANT, 0, 0},
     {"quick 3x3", "cell-max", SECANT, 0, 0},
-    {"quick center", "exact-step", SECANT, 0, 0},
+    {"center", "exact-step", SECANT, 0, 0},
     {"quick", "exact", NONE, 0, 0},
     {"sampled", "exact-step", BISECT, 0, 1},
     {"sampled 3x3", "cell-max", BISECT, 0, 0},
@@ -561,12 +561,11 @@ static int report_apertures(struct progress *progress) {
     const char *name;
     random_rays(rays.list, RAYS, 11u);
     rays.count = RAYS;
-    puts("Mean of min(tan, 1) of the safe cones over what the true supremum allows, which is bracketed to 1 % by "
-         "halving\n"
-         "pairs of patches (so two ratios: against the widest and the narrowest that the bracket leaves open). The "
-         "best of a\n"
-         "texel is that of the steepest cell that touches it; of a cell its own. Above 128: 6000 texels at random.\n");
-    printf("  %-22s %12s %21s %12s %21s\n", "", "bilinear", "of the best", "per cell", "of the best");
+    puts("Mean of min(tan, 1) of the safe cones over what the true supremum allows, which is bracketed to 1 % by\n"
+         "halving pairs of patches (so two ratios: against the widest and the narrowest that the bracket leaves\n"
+         "open). The best of a texel is that of the steepest cell that touches it; of a cell its own. Above 128:\n"
+         "6000 texels at random.\n");
+    printf("  %-21s %11s %21s %12s %21s\n", "", "bilinear", "of the best", "per cell", "of the best");
     for (int index = 0; index < 5; ++index)
         for (int k = 0; k < 3; ++k) {
             char line[2][64];
@@ -579,7 +578,7 @@ static int report_apertures(struct progress *progress) {
                 if (!aperture_compare(image.width, image.height, map.heights, map.cones, per_cell,
                                       image.width > 128 ? SAMPLE : 0, 0.01, &report))
                     return fail("out of memory");
-                snprintf(line[per_cell], sizeof line[per_cell], "%12.5f %9.4f .. %8.4f%s", report.stored,
+                snprintf(line[per_cell], sizeof line[per_cell], "%11.5f %9.4f .. %8.4f%s", report.stored,
                          report.stored / report.best_high, report.stored / report.best_low, report.open ? " open" : "");
                 conemap_free(&map);
             }
@@ -589,11 +588,10 @@ static int report_apertures(struct progress *progress) {
             progress_show((index * 3 + k + 1) / 60.0, progress);
             image_free(&image);
         }
-    puts("\nMean steps a ray of the exact tracer, and the ratio to the 3x3 minimum; in brackets the texels of heights "
-         "and of\n"
-         "cones that the steps read (four and four a step; four and one per cell). 20000 rays at random, 5 to 85 "
-         "degrees.\n");
-    printf("  %-10s", "");
+    puts("\nMean steps a ray of the exact tracer, and the ratio to the 3x3 minimum; in brackets the texels of heights\n"
+         "and of cones that the steps read (four and four a step; per cell four and one). 20000 rays at random,\n"
+         "5 to 85 degrees.\n");
+    printf("%-10s", "");
     for (int c = 0; c < KINDS; ++c) printf(" %14s", shown[c]);
     puts("");
     for (int index = 0; index < 5; ++index) {
@@ -607,9 +605,9 @@ static int report_apertures(struct progress *progress) {
             progress_show((15 + 4 * index + 4 * (c + 1) / KINDS) / 60.0, progress);
         }
         progress_end(progress);
-        printf("  %-10s", name);
+        printf("%-10s", name);
         for (int c = 0; c < KINDS; ++c) printf(" %7.2f x%5.3f", steps[c], steps[c] / steps[0]);
-        printf("\n  %-10s", "");
+        printf("\n%-10s", "");
         for (int c = 0; c < KINDS; ++c) {
             char texels[24];
             snprintf(texels, sizeof texels, "(%.0f + %.0f)", 4 * steps[c],
@@ -620,11 +618,9 @@ static int report_apertures(struct progress *progress) {
         fflush(stdout);
         image_free(&image);
     }
-    puts("\nEXPERIMENT, not in the header: the four corner values of the cells chosen together instead of the steepest "
-         "touching\n"
-         "cell: texels of the safe map raised greedily while no cell's interpolated cone passes its supremum, in 4 x 4 "
-         "parts a\n"
-         "cell. Proven by conemap_verify; costs about half a millisecond a texel.\n");
+    puts("\nEXPERIMENT, not in the header: the four corner values of the cells chosen together instead of the steepest\n"
+         "touching cell: texels of the safe map raised greedily while no cell's interpolated cone passes its\n"
+         "supremum, in 4 x 4 parts a cell. Proven by conemap_verify; it takes about half a millisecond a texel.\n");
     printf("  %-18s %10s %18s %18s %10s %10s\n", "", "3x3 steps", "safe", "raised", "ms/texel", "unsafe");
     for (int index = 0; index < 3; ++index) {
         conemap_map corrected, safe, raised;
@@ -875,12 +871,10 @@ static int report_plans(struct progress *progress) {
     enum { NEEDS = sizeof needs / sizeof needs[0], MAPS = 9 };
     double worst = 0, step_error = 0;
     int broken = 0, planned_count = 0, dear = 0;
-    puts("\nThe planner on maps that it was not fitted on: prediction / measurement. time: of its choice over the "
-         "cheapest of its\n"
-         "methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5 degrees up; then 0.5, "
-         "from 15.\n");
-    printf("  %-22s %-13s %-25s %13s %15s %15s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error",
-           "time");
+    puts("\nThe planner on maps that it was not fitted on: prediction / measurement. time: of its choice over the\n"
+         "cheapest of its methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5\n"
+         "degrees up; b: depth 0.5, from 15.\n");
+    printf("  %-14s %-12s %-22s %11s %11s %11s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error", "time");
     for (int m = 0; m < MAPS; ++m) {
         struct image image;
         const char *name;
@@ -932,7 +926,7 @@ static int report_plans(struct progress *progress) {
                 dear += c.time[row] > 1.25 * cheapest;
                 step_error += fabs((double)plan.steps / c.steps[row] - 1);
                 ++planned_count;
-                snprintf(label, sizeof label, "%s %dx%d%s", name, image.width, image.height, view ? " b" : "");
+                snprintf(label, sizeof label, "%s%s", name, view ? " b" : "");
                 snprintf(chosen_name, sizeof chosen_name, "%s%s%s", name_of(tracer_names, (int)plan.trace.tracer),
                          plan.texture.per_cell                                            ? ", cells"
                          : plan.guarantee == CONEMAP_GUARANTEE_BILINEAR                   ? ", safe"
@@ -942,9 +936,9 @@ static int report_plans(struct progress *progress) {
                          plan.texture.format == CONEMAP_UNORM8    ? " u8"
                          : plan.texture.format == CONEMAP_UNORM16 ? " u16"
                                                                   : "");
-                printf("  %-22s %-13s %-25s %6.1f/%6.1f %7.3f/%7.3f %7.2g/%7.2g %5.2f%s\n", k ? "" : label,
-                       needs[k].name, chosen_name, (double)plan.steps, c.steps[row], (double)plan.missed * 100,
-                       c.missed[row] * 100, (double)plan.error, c.error[row], c.time[row] / cheapest,
+                printf("  %-14s %-12s %-22s %5.1f/%5.1f %5.2f/%5.2f %5.2g/%5.2g %5.2f%s\n", k ? "" : label, needs[k].name,
+                       chosen_name, (double)plan.steps, c.steps[row], (double)plan.missed * 100, c.missed[row] * 100,
+                       (double)plan.error, c.error[row] < 1e-4 ? 0.0 : c.error[row], c.time[row] / cheapest,
                        meets ? "" : " NOT MET");
             }
         }
@@ -1070,7 +1064,7 @@ static void print_generation_tables(void) {
         {"none", "[TIS08] maxima", 0.08 / 380, 0.026 / 227, 0.1 / 58.11},
         {"ring", "[Dum06]", 1, 1, 1},
         {"quick", "[VB22] Algorithm 2", 0.35 / 380, 0.028 / 227, 0.088 / 58.11},
-        {"quick center", "[VB22] center", 0, 0.022 / 227, 0.08 / 58.11},
+        {"center", "[VB22] center", 0, 0.022 / 227, 0.08 / 58.11},
         {"sampled", "[PO07]", 592.0 / 380, 71.0 / 227, 145.15 / 58.11},
         {"relaxed", "[BV24] Algorithm 2", 11.29 / 380, 0, 0},
     };
@@ -1124,7 +1118,7 @@ static int report_papers(struct scene *s, struct progress *progress) {
                     list[count++] = m;
                 }
     for (int cap = 0; cap < 2; ++cap) {
-        struct method m = {"quick center", "exact-step", SECANT, caps[cap], 0};
+        struct method m = {"center", "exact-step", SECANT, caps[cap], 0};
         list[count++] = m;
         for (int k = 0; k < 3; ++k) {
             struct method n = {"none", others[k].name, k ? NONE : SECANT, caps[cap], 0};
@@ -1202,7 +1196,7 @@ static int report_map(const struct settings *settings, struct image *image, cons
     begin_scene(s);
     if (!measure(s, list, count, TIMES, progress, from, to)) return 0;
     progress_end(progress);
-    printf("\n%s, %d x %d, depth %g, %d rays: %s. * nothing is both faster and nearer to the truth\n", name,
+    printf("\n%s, %d x %d, depth %g, %d rays: %s. * nothing is faster and nearer\n", name,
            image->width, image->height, (double)settings->depth, s->measured->count, s->measured->name);
     print_table(s->results, s->count);
     write_csv(csv, name, image->width, image->height, s->measured->name, s->results, s->count);
