@@ -90,6 +90,7 @@ static const struct method chosen[] = {
     {"safe cells u16", "exact", NONE, 0, 0},
     {"safe cells u8", "exact", NONE, 0, 0},
 };
+enum { CHOSEN = sizeof chosen / sizeof chosen[0] };
 
 /* ---- settings --------------------------------------------------------------------------------------- */
 
@@ -464,6 +465,11 @@ static const struct tracer *find_tracer(const char *name) {
     exit(fail("no tracer is called '%s'", name) + 1);
 }
 
+static int same_method(const struct method *a, const struct method *b) {
+    return strcmp(a->cones, b->cones) == 0 && strcmp(a->tracer, b->tracer) == 0 && a->refinement == b->refinement &&
+           a->max_steps == b->max_steps;
+}
+
 /* Every combination that means something. */
 static int all_methods(struct method *list) {
     int count = 0;
@@ -479,6 +485,8 @@ static int all_methods(struct method *list) {
                     if (one && refinement != NONE) continue;
                     if (always ? cap == 0 : kind == CONEMAP_TRACE_FIXED && cap != 0) continue;
                     struct method m = {kinds[c].name, tracers[t].name, (conemap_refinement)refinement, caps[cap], 0};
+                    for (int k = 0; k < CHOSEN; ++k)
+                        if (same_method(&m, &chosen[k])) m.summary = chosen[k].summary;
                     if (count < MOST) list[count++] = m;
                 }
     return count;
@@ -1012,8 +1020,9 @@ static void keep_figures(const struct scene *s, struct plotted *to) {
     snprintf(to->name, sizeof to->name, "%s", s->name);
     to->width = s->truth.width;
     to->height = s->truth.height;
-    to->count = s->count < 64 ? s->count : 64;
-    memcpy(to->results, s->results, (size_t)to->count * sizeof to->results[0]);
+    for (int k = 0; k < s->count; ++k) /* of --full only what the usual report shows, or there would be no reading it */
+        for (int n = 0; n < CHOSEN; ++n)
+            if (same_method(s->results[k].method, &chosen[n]) && to->count < 64) to->results[to->count++] = s->results[k];
     for (int k = 0; k < CONES && to->kinds < 32; ++k)
         if (cones[k].built && kinds[k].from != HEIGHTS_ONLY) {
             to->kind[to->kinds] = kinds[k].name;
@@ -1219,7 +1228,7 @@ int main(int argc, char **argv) {
     struct progress progress;
     struct image image;
     const struct method *list = chosen;
-    int count = sizeof chosen / sizeof chosen[0];
+    int count = CHOSEN;
     program_name = "accuracy";
     while (next_arg(&args)) {
         if (arg_is(&args, "--help") || arg_is(&args, "-h")) return print_help(), 0;
