@@ -1147,9 +1147,8 @@ static int report_papers(struct scene *s, struct progress *progress) {
         for (int k = 0; k < 3; ++k) other[k][cap] = s->results[at++].time;
     }
     print_generation_tables();
-    puts("\n  Ours leave the papers' for two reasons: here every texel of [Dum06] stops its search early, there it "
-         "does not; and [PO07]\n"
-         "  marches from all texels of which the map has more than theirs, on one core.");
+    puts("\n  Where ours differ: our ring search stops as soon as nothing farther out can narrow the cone, which on\n"
+         "  rough ground is soon, so that beside it everything else looks dearer than beside a GPU's brute force.");
     printf("\n[BV24] Table 2 as ratios, ours / theirs: to [Dum06] by its own trace, secant, 32 steps. Ours: %s, %s\n\n",
            s->name, s->view.name);
     printf("  %-15s", "");
@@ -1167,13 +1166,10 @@ static int report_papers(struct scene *s, struct progress *progress) {
     for (int k = 0; k < 3; ++k)
         printf("  %-8s 32 steps %.2f/%.2f, 200 steps %.2f/%.2f\n", others[k].name, other[k][0] / ours[0][0][0][0],
                others[k].times[0] / 0.59, other[k][1] / ours[0][0][0][0], others[k].times[1] / 0.59);
-    puts("\n  Where ours differ: cell-max costs us 1 to 5 % and them 7 to 33 %, for a border is a few operations on "
-         "doubles beside a\n"
-         "  sample on a CPU, while on a GPU the fetch is nearly free; 200 steps cost us no more than 32 and them 25 %, "
-         "for a ray of ours\n"
-         "  ends when it has hit, while theirs wait for the slowest of their group; qdm and maxmip cost us 1.2 to 1.4 "
-         "and them\n"
-         "  3 to 5, for the same reason and because their fetches of maxima depend on each other.");
+    puts("\n  Where ours differ: cell-max costs us a few percent and them up to a third, for beside a sample on a CPU a\n"
+         "  cell's border is cheap; 200 steps cost us hardly more than 32, for a ray of ours ends when it has hit,\n"
+         "  while theirs wait for the slowest of their group; qdm and maxmip cost us a third more and them three to\n"
+         "  five times as much for the same reason, and for maxima that must be fetched one after the other.");
     puts("\n[VB22]'s table as ratios to brute force (its own trace, secant): ours / AMD / NVIDIA\n");
     printf("  %-10s %18s %18s %18s %18s\n", "", "[PO07] secant", "[PO07] bisection", "Algorithm 2", "center");
     for (int cap = 0; cap < 2; ++cap) {
@@ -1184,10 +1180,8 @@ static int report_papers(struct scene *s, struct progress *progress) {
                    vb22[cap][1][c] / vb22[cap][1][0]);
         puts("");
     }
-    puts("\n  Where ours differ: the mended diagonals make Algorithm 2's cones a little narrower than theirs, and the "
-         "elevation model is\n"
-         "  rougher than their terrain; the center heuristic is not quicker than Algorithm 2 here, for its rays miss "
-         "and go on.");
+    puts("\n  Where ours differ: our times are steps and nothing else, theirs hold the rest of a frame as well, which\n"
+         "  draws their ratios towards 1; and bisection's samples are whole steps on a CPU.");
     return 1;
 }
 
