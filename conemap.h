@@ -35,6 +35,7 @@
        T E X T U R E S             upload, bake to bytes, load, format numbers
        S A M P L I N G             height, cone and normal at a point
        V E R I F Y I N G           proof that interpolated cones are empty
+       P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
        S H A D E R S               the tracers as GLSL, HLSL and C
        E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
@@ -50,6 +51,7 @@
        F I L E S                   texture and baked bytes
        S A M P L E R S             bilinear cells
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
+       P L A N S                   the planner's table and its model
        T R A C E R S               the walk through cells, every tracer, refinement
        E M I T T E R               shaders from snippets
        E F F E C T S               frames, levels, flights over bent and blended ground, light
@@ -619,6 +621,65 @@ typedef struct conemap_report {
    HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
                                           const conemap_allocator *allocator, conemap_report *report);
+
+/* ======================================================================================================
+   P L A N N I N G
+   ====================================================================================================== */
+
+/* What the planner needs to know of a heightmap. The arrays are for rays that move 1/32, 1/8, 1/2 and 2 map widths sideways
+   on their way from the top of the box to its floor. */
+typedef struct conemap_statistics {
+    int width, height;
+    float roughness;        /* root mean square difference of texels next to each other over that of heights from their
+                               mean: 0 flat or smooth, 1.41 white noise */
+    float steps[4];         /* mean steps of 96 rays that probe the map with vertex cones, from texel to texel */
+    float safe_steps[4];    /* the same with cones that the neighbours' cones narrow, as safe ones are */
+    float cells[4];         /* mean cells that they cross before they hit or leave the map */
+    float way[4];           /* and the share of their way through the box that this is */
+} conemap_statistics;
+
+/* Looks at every texel of a heightmap once, and sends 768 rays through it that build their cones as they go: about
+   10 ns a texel and 20 to 200 ms. Borders count as clamped, aspect as 1.
+   heights: as in a desc, only read. statistics: overwritten; zeroed on errors. Allocates nothing; takes 17 KB of stack;
+   thread-safe. Errors: NULL, SIZE, ENUM, STRIDE, OVERFLOW, HEIGHT. */
+CONEMAP_API conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics);
+
+/* What a scene needs. */
+typedef struct conemap_plan_desc {
+    conemap_statistics statistics;
+    float depth;            /* how high the box stands over the width of the map, as rays see it; 0: 0.25 */
+    float lowest_elevation; /* degrees above the ground of the flattest rays; steeper ones are taken to be as many at
+                               every angle. 0: 5. 0.5..90 */
+    float max_missed;       /* share of rays that may miss their first hit, 0..1; 0: no bound by misses */
+    float max_error;        /* mean error of the hits, in texels along the ray; 0: no bound by error. If neither is given,
+                               nothing may be missed and hits are exact */
+    float max_steps;        /* budget of steps a ray, as a mean; 0: none */
+    float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
+    float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
+} conemap_plan_desc;
+
+/* What to build and how to trace it, and what that is predicted to take. */
+typedef struct conemap_planned {
+    conemap_generator generator; /* these five go to the conemap_desc */
+    conemap_guarantee guarantee;
+    int min3x3;
+    conemap_texture texture;
+    int keep_pyramid;
+    conemap_trace_desc trace;
+    float steps;            /* mean of a ray */
+    float time;             /* of a ray, in steps of the default tracer over the default cones */
+    float build_time;       /* of the map, in the same */
+    float missed, error;    /* at most: share of rays, mean texels along the ray */
+    int within_budget;      /* zero: nothing that is tolerated fits the budgets; this is the quickest that is tolerated */
+} conemap_planned;
+
+/* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a small
+   model fitted to measurements (see PLANS in the implementation, and `accuracy`, which prints predictions beside
+   measurements). Steps and times are estimates, mostly within 25 %, at worst off by 2; bounds of misses and errors are
+   those of the roughest maps measured, times 1.25, not proofs; 0 missed is one. Deterministic: nothing is timed.
+   planned: overwritten; zeroed on errors. Errors: NULL, SIZE, PARAMETER (statistics that conemap_get_statistics does
+   not give, or a field out of its range). Thread-safe. */
+CONEMAP_API conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned);
 
 /* ======================================================================================================
    T R A C I N G
@@ -5027,6 +5088,335 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
         }
     report->cells = (size_t)cells_u * (size_t)cells_v;
     conemap__release(&memory_from, memory, owns);
+    return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   P L A N S
+
+   The statistics hold what rays of four slopes took that probed the map: steps with vertex cones and with narrowed ones,
+   cells, share of the way. A ray of elevation e moves depth cot(e) sideways on its way down the box; P, S, C and W are
+   the means of those four over eight elevations from the lowest up, between the four slopes straight over the logarithm.
+   Mean steps are a sum, with weights that are not negative, of
+       1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
+   and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
+   roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest
+   that were measured, times 1.5, one for maps below 0.7 of roughness and one for the others. Building takes a time for
+   each texel.
+   `accuracy --fit` measures all of this on procedural maps and prints the table anew.
+   ====================================================================================================== */
+
+enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_PROBES = 96 };
+
+typedef struct conemap__plan_row {
+    conemap_generator generator;
+    conemap_guarantee guarantee;
+    int per_cell;
+    conemap_tracer tracer;
+    conemap_refinement refinement;
+    int max_steps;
+    float steps[CONEMAP__PLAN_TERMS];
+    float ray, step;           /* time */
+    float build;               /* a texel */
+    float missed[2], error[2]; /* factors on smooth and on rough maps */
+} conemap__plan_row;
+
+/* Behind each row: how far off its steps are as a mean, on the maps that it was fitted on. */
+static const conemap__plan_row conemap__plan_rows[] = {
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.000f, 0.000f, 1.052f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.8f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 17 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.000f, 0.000f, 1.017f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.03f, 12.6f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 16 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
+     {0.000f, 0.000f, 1.475f, 0.000f, 0.000f, 1.261f}, 0.00f, 0.39f, 7.1f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 10 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.000f, 0.490f, 0.431f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.07f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* 9 % */
+    {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
+     {0.000f, 0.256f, 0.571f, 0.331f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* 12 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
+     {0.000f, 0.000f, 0.786f, 0.076f, 0.000f, 0.000f}, 0.00f, 1.04f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* 10 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
+     {0.000f, 0.434f, 0.364f, 0.000f, 0.000f, 0.000f}, 0.14f, 1.00f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* 13 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
+     {1.532f, 0.000f, 1.502f, 0.000f, 0.000f, 0.605f}, 0.00f, 0.53f, 7.1f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* 14 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
+     {0.000f, 0.000f, 1.637f, 1.206f, 150.314f, 0.000f}, 1.75f, 0.22f, 7.1f, {0.691f, 9.29f}, {43.3f, 242.f}}, /* 9 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
+     {0.000f, 0.000f, 0.457f, 0.076f, 23.865f, 0.000f}, 1.33f, 0.25f, 7.1f, {0.558f, 2.91f}, {55.5f, 107.f}}, /* 10 % */
+};
+enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
+
+/* The height of a texel; negative where it is none. */
+static float conemap__plan_height(const conemap_heights *h, int x, int y) {
+    const unsigned char *bytes =
+        (const unsigned char *)h->pixels + (ptrdiff_t)y * h->row_stride + (ptrdiff_t)x * h->pixel_stride;
+    float value = conemap__value(h->format, conemap__read_code(h->format, bytes));
+    if (!conemap__in_range(value, 0.0f, 1.0f)) return -1.0f;
+    return h->is_depth ? 1.0f - value : value;
+}
+
+/* The narrower of `tangent` and of what a height at (dx, dy) texels allows. */
+CONEMAP__INLINE double conemap__plan_narrow(double tangent, double rise, double dx, double dy, double a, double b) {
+    double d2 = dx * dx * a * a + dy * dy * b * b;
+    return rise > 0.0 && d2 < tangent * tangent * rise * rise ? sqrt(d2) / rise : tangent;
+}
+
+/* A vertex cone from below: texels near by one by one, others by maxima over blocks, which lie no nearer than both. */
+static double conemap__plan_cone(const conemap_heights *h, const float *blocks, int block_u, int block_v, int x,
+                                 int y) {
+    double a = 1.0 / (double)h->width, b = 1.0 / (double)h->height, tangent = 1.0;
+    double apex = (double)conemap__plan_height(h, x, y), margin = (double)(CONEMAP__PLAN_NEAR + 1);
+    int i, j, reach = CONEMAP__PLAN_NEAR;
+    for (j = conemap__maxi(0, y - reach); j <= conemap__mini(h->height - 1, y + reach); ++j)
+        for (i = conemap__maxi(0, x - reach); i <= conemap__mini(h->width - 1, x + reach); ++i)
+            tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, i, j) - apex, (double)(i - x),
+                                           (double)(j - y), a, b);
+    for (j = 0; j * block_v < h->height; ++j)
+        for (i = 0; i * block_u < h->width; ++i) {
+            double dx = (double)conemap__maxi(0, conemap__maxi(i * block_u - x, x - (i + 1) * block_u + 1));
+            double dy = (double)conemap__maxi(0, conemap__maxi(j * block_v - y, y - (j + 1) * block_v + 1));
+            int inside = i * block_u >= x - reach && (i + 1) * block_u <= x + reach + 1 && j * block_v >= y - reach &&
+                         (j + 1) * block_v <= y + reach + 1;
+            if (inside) continue;             /* every texel of it was near */
+            if (dx < margin && dy < margin) { /* what is left of it lies outside the square of near texels */
+                if (margin * margin * a * a + dy * dy * b * b < margin * margin * b * b + dx * dx * a * a)
+                    dx = margin;
+                else
+                    dy = margin;
+            }
+            tangent = conemap__plan_narrow(tangent, (double)blocks[j * CONEMAP__PLAN_BLOCKS + i] - apex, dx, dy, a, b);
+        }
+    return tangent;
+}
+
+/* The narrowest cone that the texels within two of each of the 3x3 texels at (x, y) leave to any of them. */
+static double conemap__plan_narrowest(const conemap_heights *h, int x, int y) {
+    double a = 1.0 / (double)h->width, b = 1.0 / (double)h->height, tangent = 1.0;
+    int i, j, k, l;
+    for (j = conemap__maxi(0, y - 1); j <= conemap__mini(h->height - 1, y + 1); ++j)
+        for (i = conemap__maxi(0, x - 1); i <= conemap__mini(h->width - 1, x + 1); ++i) {
+            double apex = (double)conemap__plan_height(h, i, j);
+            for (l = conemap__maxi(0, j - 2); l <= conemap__mini(h->height - 1, j + 2); ++l)
+                for (k = conemap__maxi(0, i - 2); k <= conemap__mini(h->width - 1, i + 2); ++k)
+                    tangent = conemap__plan_narrow(tangent, (double)conemap__plan_height(h, k, l) - apex,
+                                                   (double)(k - i), (double)(l - j), a, b);
+        }
+    return tangent;
+}
+
+/* How far sideways the rays of the statistics move. */
+CONEMAP__INLINE float conemap__plan_sideways(int slope) {
+    static const float sideways[4] = {0.03125f, 0.125f, 0.5f, 2.0f};
+    return sideways[slope];
+}
+
+/* Sends one ray from the top of the box, at texel (x, y) in direction (du, dv) of length 1, down one of the slopes. It steps
+   to the end of the cone over the texel below it, or as far as cell borders lie apart if that is farther. */
+static void conemap__plan_probe(const conemap_heights *h, const float *blocks, int block_u, int block_v, double u,
+                                double v, double du, double dv, double sideways, int safe, double *steps, double *cells,
+                                double *way) {
+    double along = 0.0, end = sideways, least, size = (double)conemap__maxi(h->width, h->height);
+    if (du > 0.0) end = conemap__mind(end, (1.0 - u) / du);
+    if (du < 0.0) end = conemap__mind(end, -u / du);
+    if (dv > 0.0) end = conemap__mind(end, (1.0 - v) / dv);
+    if (dv < 0.0) end = conemap__mind(end, -v / dv);
+    least = 1.0 / (size * ((du < 0.0 ? -du : du) + (dv < 0.0 ? -dv : dv))); /* from border to border, as a mean */
+    while (along < end) {
+        int x = conemap__mini((int)((u + du * along) * (double)h->width), h->width - 1);
+        int y = conemap__mini((int)((v + dv * along) * (double)h->height), h->height - 1);
+        double gap = 1.0 - along / sideways - (double)conemap__plan_height(h, x, y), tangent;
+        *steps += 1.0;
+        if (gap <= 0.0) break;
+        tangent = conemap__plan_cone(h, blocks, block_u, block_v, x, y);
+        if (safe) tangent = conemap__mind(tangent, conemap__plan_narrowest(h, x, y));
+        along += conemap__maxd(least, tangent * gap * sideways / (sideways + tangent));
+    }
+    along = conemap__mind(along, end);
+    *cells += along * size;
+    *way += end > 0.0 ? along / end : 1.0;
+}
+
+CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *heights, conemap_statistics *statistics) {
+    float blocks[CONEMAP__PLAN_BLOCKS * CONEMAP__PLAN_BLOCKS];
+    conemap_heights h;
+    conemap_result result;
+    double sum = 0.0, squares = 0.0, differences = 0.0, pairs = 0.0, texels, mean, variance;
+    int x, y, block_u, block_v, slope, k;
+    if (!statistics) return CONEMAP_ERROR_NULL;
+    memset(statistics, 0, sizeof *statistics);
+    if (!heights) return CONEMAP_ERROR_NULL;
+    h = *heights;
+    result = conemap__resolve_heights(&h);
+    if (result != CONEMAP_OK) return result;
+    block_u = (h.width + CONEMAP__PLAN_BLOCKS - 1) / CONEMAP__PLAN_BLOCKS;
+    block_v = (h.height + CONEMAP__PLAN_BLOCKS - 1) / CONEMAP__PLAN_BLOCKS;
+    memset(blocks, 0, sizeof blocks);
+    for (y = 0; y < h.height; ++y) {
+        float before = 0.0f;
+        for (x = 0; x < h.width; ++x) {
+            float value = conemap__plan_height(&h, x, y),
+                  *block = &blocks[y / block_v * CONEMAP__PLAN_BLOCKS + x / block_u];
+            double difference = (double)value - (double)before;
+            if (value < 0.0f) return CONEMAP_ERROR_HEIGHT;
+            sum += (double)value;
+            squares += (double)value * (double)value;
+            if (x > 0) {
+                differences += difference * difference;
+                pairs += 1.0;
+            }
+            if (y > 0) {
+                difference = (double)value - (double)conemap__plan_height(&h, x, y - 1);
+                differences += difference * difference;
+                pairs += 1.0;
+            }
+            if (value > *block) *block = value;
+            before = value;
+        }
+    }
+    texels = (double)h.width * (double)h.height;
+    mean = sum / texels;
+    variance = squares / texels - mean * mean;
+    statistics->width = h.width;
+    statistics->height = h.height;
+    statistics->roughness = variance > 1e-12 && pairs > 0.0 ? (float)sqrt(differences / pairs / variance) : 0.0f;
+    for (slope = 0; slope < 4; ++slope) {
+        double steps = 0.0, safe_steps = 0.0, cells = 0.0, way = 0.0, unused = 0.0;
+        for (k = 0; k < CONEMAP__PLAN_PROBES; ++k) { /* spread evenly by the powers of the plastic number */
+            double u = conemap__fraction(0.5 + 0.7548776662466927 * (double)k),
+                   du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
+            double v = conemap__fraction(0.5 + 0.5698402909980532 * (double)k), dv = 1.0 - (du < 0.0 ? -du : du),
+                   length;
+            if (k % 2) dv = -dv;
+            length = sqrt(du * du + dv * dv);
+            conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
+                                (double)conemap__plan_sideways(slope), 0, &steps, &cells, &way);
+            conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
+                                (double)conemap__plan_sideways(slope), 1, &safe_steps, &unused, &unused);
+        }
+        statistics->steps[slope] = (float)(steps / CONEMAP__PLAN_PROBES);
+        statistics->safe_steps[slope] = (float)(safe_steps / CONEMAP__PLAN_PROBES);
+        statistics->cells[slope] = (float)(cells / CONEMAP__PLAN_PROBES);
+        statistics->way[slope] = (float)(way / CONEMAP__PLAN_PROBES);
+    }
+    return CONEMAP_OK;
+}
+
+/* The cotangent of an elevation, by a table: it spares the header a function of the library. */
+static float conemap__plan_cotangent(float degrees) {
+    static const float tangents[10] = {0.0f,     0.17633f, 0.36397f, 0.57735f, 0.83910f,
+                                       1.19175f, 1.73205f, 2.74748f, 5.67128f, 60.0f};
+    int k = conemap__mini((int)(degrees / 10.0f), 8);
+    return 1.0f / (tangents[k] + (tangents[k + 1] - tangents[k]) * (degrees / 10.0f - (float)k));
+}
+
+/* log2, straight between powers of two: 0.09 too small at most. For x of 2^-120 and more. */
+static float conemap__plan_log2(float x) {
+    uint32_t bits = conemap__bits(x);
+    return (float)((int)(bits >> 23) - 127) + (float)(bits & 0x7fffffu) / 8388608.0f;
+}
+
+/* The six terms of mean steps; returns C. */
+static float conemap__plan_terms(const conemap_statistics *s, float depth, float lowest, float *terms) {
+    float probe = 0.0f, safe = 0.0f, cells = 0.0f, way = 0.0f;
+    int k, slope;
+    for (k = 0; k < 8; ++k) {
+        float elevation = lowest + (90.0f - lowest) * ((float)k + 0.5f) / 8.0f;
+        float at = 0.5f * (conemap__plan_log2(depth * conemap__plan_cotangent(elevation)) + 5.0f), part;
+        at = conemap__max(0.0f, conemap__min(at, 3.0f));
+        slope = conemap__mini((int)at, 2);
+        part = at - (float)slope;
+        probe += (s->steps[slope] + (s->steps[slope + 1] - s->steps[slope]) * part) / 8.0f;
+        safe += (s->safe_steps[slope] + (s->safe_steps[slope + 1] - s->safe_steps[slope]) * part) / 8.0f;
+        cells += (s->cells[slope] + (s->cells[slope + 1] - s->cells[slope]) * part) / 8.0f;
+        way += (s->way[slope] + (s->way[slope + 1] - s->way[slope]) * part) / 8.0f;
+    }
+    terms[0] = 1.0f;
+    terms[1] = probe;
+    terms[2] = safe;
+    terms[3] = sqrtf(cells);
+    terms[4] = way;
+    terms[5] = conemap__plan_log2((float)conemap__maxi(s->width, s->height));
+    return cells;
+}
+
+/* What misses and errors are taken to grow with. */
+static float conemap__plan_risk(const conemap__plan_row *row, const conemap_statistics *s, float cells) {
+    float risk = 0.002f + s->roughness * s->roughness;
+    return row->tracer == CONEMAP_TRACE_LINEAR ? (0.05f + risk) * (1.0f + cells) / (float)row->max_steps : risk;
+}
+
+CONEMAP__INLINE int conemap__plan_rough(const conemap_statistics *s) { return s->roughness >= 0.7f; }
+
+/* The coarsest format whose heights are off by less than the error allowed: half a step, seen along the flattest ray. */
+static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float depth, float lowest, float error) {
+    static const conemap_format formats[2] = {CONEMAP_UNORM8, CONEMAP_UNORM16};
+    float size = (float)conemap__maxi(desc->statistics.width, desc->statistics.height);
+    float along = size * (depth + depth * conemap__plan_cotangent(lowest));
+    int k;
+    for (k = 0; k < 2; ++k)
+        if (desc->max_error > 0.0f && error + 0.5f * along / (k == 0 ? 255.0f : 65535.0f) <= desc->max_error)
+            return formats[k];
+    return CONEMAP_F32;
+}
+
+CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned) {
+    const conemap_statistics *s;
+    float depth, lowest, terms[CONEMAP__PLAN_TERMS], cells, best = CONEMAP__FAR, texels;
+    int k, term, tolerant, rough;
+    if (!planned) return CONEMAP_ERROR_NULL;
+    memset(planned, 0, sizeof *planned);
+    if (!desc) return CONEMAP_ERROR_NULL;
+    s = &desc->statistics;
+    if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
+    depth = desc->depth == 0.0f ? 0.25f : desc->depth;
+    lowest = desc->lowest_elevation == 0.0f ? 5.0f : desc->lowest_elevation;
+    for (k = 0; k < 4; ++k)
+        if (!conemap__in_range(s->steps[k], 0.0f, 1e9f) || !conemap__in_range(s->safe_steps[k], 0.0f, 1e9f) ||
+            !conemap__in_range(s->cells[k], 0.0f, 1e9f) || !conemap__in_range(s->way[k], 0.0f, 1.0f))
+            return CONEMAP_ERROR_PARAMETER;
+    if (!conemap__in_range(s->roughness, 0.0f, 1e6f) || !conemap__in_range(depth, 1e-6f, 1e6f) ||
+        !conemap__in_range(lowest, 0.5f, 90.0f) || !conemap__in_range(desc->max_missed, 0.0f, 1.0f) ||
+        !conemap__in_range(desc->max_error, 0.0f, 1e9f) || !conemap__in_range(desc->max_steps, 0.0f, 1e9f) ||
+        !conemap__in_range(desc->max_time, 0.0f, 1e9f) || !conemap__in_range(desc->rays_per_build, 0.0f, 1e30f))
+        return CONEMAP_ERROR_PARAMETER;
+    tolerant = desc->max_missed > 0.0f || desc->max_error > 0.0f;
+    cells = conemap__plan_terms(s, depth, lowest, terms);
+    rough = conemap__plan_rough(s);
+    texels = (float)s->width * (float)s->height;
+    for (k = 0; k < (int)CONEMAP__PLAN_ROWS; ++k) {
+        const conemap__plan_row *row = &conemap__plan_rows[k];
+        float steps = 0.0f, risk = conemap__plan_risk(row, s, cells),
+              missed = conemap__min(row->missed[rough] * risk, 1.0f);
+        float error = row->error[rough] * risk, cost;
+        int fits;
+        if (!tolerant && (row->missed[1] > 0.0f || row->error[1] > 0.0f)) continue;
+        if (desc->max_missed > 0.0f && missed > desc->max_missed) continue;
+        if (desc->max_error > 0.0f && error > desc->max_error) continue;
+        for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) steps += row->steps[term] * terms[term];
+        if (row->max_steps) steps = conemap__min(steps, (float)row->max_steps);
+        cost = row->ray + row->step * steps;
+        fits =
+            (desc->max_steps == 0.0f || steps <= desc->max_steps) && (desc->max_time == 0.0f || cost <= desc->max_time);
+        if (desc->rays_per_build > 0.0f) cost += row->build * texels / desc->rays_per_build;
+        if (planned->within_budget > fits || (planned->within_budget == fits && cost >= best)) continue;
+        best = cost;
+        memset(planned, 0, sizeof *planned);
+        planned->generator = row->generator;
+        planned->guarantee = row->guarantee;
+        planned->texture.per_cell = row->per_cell;
+        planned->texture.format = conemap__plan_format(desc, depth, lowest, error);
+        planned->keep_pyramid = row->tracer == CONEMAP_TRACE_MAXMIP || row->tracer == CONEMAP_TRACE_QDM;
+        planned->trace.tracer = row->tracer;
+        planned->trace.refinement = row->refinement;
+        planned->trace.max_steps = row->max_steps;
+        planned->steps = steps;
+        planned->time = row->ray + row->step * steps;
+        planned->build_time = row->build * texels;
+        planned->missed = missed;
+        planned->error = error;
+        planned->within_budget = fits;
+    }
     return CONEMAP_OK;
 }
 

@@ -736,9 +736,9 @@ static EXAMPLE_UNUSED void progress_end(struct progress *progress) {
 
 /* ---- procedural maps --------------------------------------------------------------------------------- */
 
-enum { FBM = 1, BRICKS, SPIKES };
+enum { FBM = 1, BRICKS, SPIKES, WHITE };
 static const struct name procedural_names[] = {
-    {"fbm", FBM}, {"bricks", BRICKS}, {"spikes", SPIKES}, {NULL, 0}};
+    {"fbm", FBM}, {"bricks", BRICKS}, {"spikes", SPIKES}, {"white", WHITE}, {NULL, 0}};
 
 static uint32_t hash3(uint32_t x, uint32_t y, uint32_t seed) {
     uint32_t h = x * 0x9e3779b1u ^ (y * 0x85ebca77u + 0x165667b1u) ^ (seed * 0xc2b2ae3du);
@@ -811,7 +811,8 @@ static EXAMPLE_UNUSED int procedural_image(int kind, int size, uint32_t seed, st
         else if (kind == SPIKES) {
             uint32_t h = hash3(i, j, seed);
             pixels[k] = (uint16_t)(h % 1000u < 5 ? 32768u + (h >> 17) : 0);
-        } else {
+        } else if (kind == WHITE) pixels[k] = (uint16_t)(hash3(i, j, seed) >> 16);
+        else {
             sums[k] = fbm_at(i, j, n, seed);
             if (sums[k] < low) low = sums[k];
             if (sums[k] > high) high = sums[k];
@@ -846,7 +847,7 @@ static EXAMPLE_UNUSED void print_input_help(void) {
          ", PNG, JPG, TGA, HDR, BMP"
 #endif
          "\n"
-         "  --procedural KIND SIZE  fbm, bricks or spikes instead of a file\n"
+         "  --procedural KIND SIZE  fbm, bricks, spikes or white noise instead of a file\n"
          "  --seed N                of the procedural map (1)\n"
          "  --raw-size WxH          size of an .r16 or .r32f file (square)\n"
          "  --normalize             stretch the lowest..highest value to 0..1\n"

@@ -218,6 +218,14 @@ cells() {
 }
 need "cells, 10 million by bound" gcc && part "cells, 10 million by bound" cells
 
+# ---- how near the safe cones come to the widest that are safe; their steps ------------------------------------------
+aperture() {
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -I. tests/long/aperture.c -o "$dir/aperture" -lm || return 1
+    "$dir/aperture"
+}
+need "aperture of safe cones" gcc && part "aperture of safe cones" aperture
+
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
     clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/long/fuzz.c -o "$dir/fuzz" -lm || return 1

@@ -2,7 +2,7 @@
 # The example programs as a person runs them: good files work; a bad file or option gets one clear line and a non-zero
 # exit status.
 cd "$(dirname "$0")/.." || exit 1
-make -s -j2 build/hello build/bake build/render build/inspect || exit 1
+make -s -j2 build/hello build/bake build/render build/inspect build/accuracy || exit 1
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 map=examples/jacksboro_403x344_16bit.pgm
@@ -90,5 +90,9 @@ done
 for tracer in exact linear fixed loop exact-step cell-max maxmip qdm; do
     works build/render "$dir/good.cone" -o "$dir/t.png" --size 32x32 --tracer $tracer --refine bisect
 done
+works build/accuracy --help
+refuses build/accuracy --no-such-option
+refuses build/accuracy --size many
+refuses build/accuracy "$dir/cut.pgm" --no-pictures
 [ $failed = 0 ] && echo "examples: all as they should be"
 exit $failed

@@ -53,11 +53,14 @@ static float header_cone(const float heights[4])
     conemap_hit hit;
     conemap_sample sample;
     conemap_format_numbers numbers;
+    conemap_plan_desc planning;
+    conemap_planned plan;
     unsigned char bytes[512];
     size_t memory, scratch;
     float cone;
     int pass, job, wrong = 0;
 
+    memset(&planning, 0, sizeof planning);
     memset(&desc, 0, sizeof desc);
     desc.heights.pixels = heights;
     desc.heights.width = 2;
@@ -82,6 +85,9 @@ static float header_cone(const float heights[4])
     wrong |= conemap_load_info(bytes, conemap_save_size(&map), &info) != CONEMAP_OK;
     wrong |= conemap_load(bytes, conemap_save_size(&map), NULL, &loaded) != CONEMAP_OK;
     wrong |= conemap_get_format_numbers(&info.texture, &numbers) != CONEMAP_OK;
+    planning.lowest_elevation = 10.0f;
+    wrong |= conemap_get_statistics(&desc.heights, &planning.statistics) != CONEMAP_OK;
+    wrong |= conemap_plan(&planning, &plan) != CONEMAP_OK;
     wrong |= strcmp(conemap_result_string(CONEMAP_OK), "no error") != 0;
     wrong |= !header_skeleton();
     conemap_free(&loaded);

@@ -96,6 +96,7 @@ int main(int argument_count, char **arguments)
         {"emit", emit_tests},
         {"frusta", frusta_tests},
         {"effects", effects_tests},
+        {"plan", plan_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;
