@@ -61,7 +61,7 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
     if (choice[k++]) {
         d->prefix = "relief";
         d->map_name = "bumps";
-        d->heights_name = "ground";
+        d->heights_name = "soil";
         d->maxima_name = "tops";
         d->sampler_name = "plain";
     }
@@ -114,7 +114,7 @@ static void wrap(const conemap_shader_desc *d)
         put(line);
     }
     if (d->external && !c) { /* the host's own declarations */
-        static const char *const given[3] = {"bumps", "ground", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
+        static const char *const given[3] = {"bumps", "soil", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
         int k;
         for (k = 0; k < 3; ++k) {
             const char *name = d->prefix ? given[k] : plain[k];
