@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench
+EXAMPLES = hello bake render inspect accuracy bench emit
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -29,6 +29,7 @@ help:
 	@echo "make check     everything heavier: warnings, sanitizers, other targets, fuzzing; skips what is missing"
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
+	@echo "make sync      writes tests/golden/ anew from the shader emitter"
 	@echo "make all       builds the examples and the tests"
 	@echo "make clean     removes build/ and out/"
 
@@ -44,7 +45,7 @@ build/stb_image_impl.o: examples/stb_image_impl.c | build
 $(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h tests/truth.h conemap.h $(STB_OBJ) | build
 	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
 
-build/%.o: tests/%.c $(wildcard tests/*.h) conemap.h | build
+build/%.o: tests/%.c $(wildcard tests/*.h tests/golden/*.h) conemap.h | build
 	$(COMPILE) -c $< -o $@
 
 build/tests: $(TESTS:tests/%.c=build/%.o)
@@ -52,6 +53,11 @@ build/tests: $(TESTS:tests/%.c=build/%.o)
 
 test: build/tests
 	@./build/tests $(TEST)
+
+# The golden files are what the emitter writes; those in C are compiled into the tests and run there.
+sync: build/tests
+	@CONEMAP_SYNC=1 ./build/tests emit/golden
+	@$(MAKE) -s build/tests
 
 demo: build/bake build/render build/inspect | out
 	@sh examples/demo.sh
@@ -68,4 +74,4 @@ accuracy: build/accuracy | out
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo check bench accuracy clean
+.PHONY: all help test sync demo check bench accuracy clean
