@@ -16,7 +16,7 @@ STB_FLAGS = -DHAVE_STB_IMAGE
 STB_OBJ   = build/stb_image_impl.o
 endif
 
-EXAMPLES = hello bake render inspect accuracy bench tree effects
+EXAMPLES = hello bake render inspect accuracy bench tree effects emit
 PROGRAMS = $(EXAMPLES:%=build/%)
 TESTS    = $(wildcard tests/*.c)
 JACKSBORO = examples/jacksboro_403x344_16bit.pgm
@@ -31,6 +31,7 @@ help:
 	@echo "make accuracy  what accuracy costs in time"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
 	@echo "make effects   a picture of each effect on one sheet: out/effects.png"
+	@echo "make sync      writes tests/golden/ anew from the shader emitter"
 	@echo "make all       builds the examples and the tests"
 	@echo "make trees     plants and cacti as relief-mapped frusta; pictures in out/"
 	@echo "make clean     removes build/ and out/"
@@ -47,7 +48,7 @@ build/stb_image_impl.o: examples/stb_image_impl.c | build
 $(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c $(wildcard examples/*.h) $(wildcard tests/*.h) conemap.h $(STB_OBJ) | build
 	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
 
-build/%.o: tests/%.c $(wildcard tests/*.h) conemap.h | build
+build/%.o: tests/%.c $(wildcard tests/*.h tests/golden/*.h) conemap.h | build
 	$(COMPILE) -c $< -o $@
 
 build/tests: $(TESTS:tests/%.c=build/%.o)
@@ -55,6 +56,11 @@ build/tests: $(TESTS:tests/%.c=build/%.o)
 
 test: build/tests
 	@./build/tests $(TEST)
+
+# The golden files are what the emitter writes; those in C are compiled into the tests and run there.
+sync: build/tests
+	@CONEMAP_SYNC=1 ./build/tests emit/golden
+	@$(MAKE) -s build/tests
 
 demo: build/bake build/render build/inspect | out
 	@sh examples/demo.sh
@@ -87,4 +93,4 @@ trees: build/tree | out
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy clean trees effects
+.PHONY: all help test demo threads check bench accuracy clean trees effects sync

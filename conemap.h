@@ -801,7 +801,7 @@ typedef struct conemap_shader_desc {
    text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER (a
-   number out of range, a name that is no identifier, two equal names); UNSUPPORTED (the dialect lacks it, or two options
+   number out of range, a name that is no identifier, two equal names, one that the text needs itself); UNSUPPORTED (the dialect lacks it, or two options
    exclude each other). The same desc gives the same text. Thread-safe, allocates nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
 
@@ -6217,7 +6217,7 @@ static const conemap__snippet conemap__snippets[] = {
     /* ---- maxima ---- */
     {"conemap_ahead", "// How many cells the block of level k goes on, in the ray's direction, from a cell of it.\n"
                       "$FNint conemap_ahead(int cell, int count, int k, int s) {\n"
-                      "    int low = (cell >> k) << k, high = low + (1 << k);\n"
+                      "    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;\n"
                       "    return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;\n"
                       "}\n"},
 };
@@ -6256,7 +6256,7 @@ static const char conemap__trace_head[] =
     "?wraps     range.y = min(range.y, reach_end);\n"
     "?adaptive     float level = direction.x * direction.x + direction.y * direction.y;\n"
     "?blocks     int cells_u = $CELLS_U, cells_v = $CELLS_V, top = 0;\n"
-    "?blocks     while ((1 << top) < cells_u || (1 << top) < cells_v) ++top;\n"
+    "?blocks     for (int side = 1; side < cells_u || side < cells_v; side *= 2) ++top;\n"
     "?blocks     int k = top;\n"
     "?exact_step     float extra = 1.0f / ($LONGEST * sqrt(direction.x * direction.x + direction.y * direction.y +\n"
     "?exact_step                                           direction.z * direction.z));\n"
@@ -6442,8 +6442,10 @@ typedef struct conemap__emitter {
     conemap__piece pieces[CONEMAP__PIECES];
     int piece_count;
     const char *prefix;
+    const char *given[7];                    /* the host's names, or null */
     char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
     int commenting;
+    int clash; /* a word of the text is also a name of the host's */
 } conemap__emitter;
 
 static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
@@ -6548,6 +6550,8 @@ static void conemap__token(conemap__emitter *e, const char *token, size_t length
         length = strlen(token);
         break;
     }
+    if (!e->commenting && !needs)
+        for (k = 0; k < 7; ++k) e->clash |= e->given[k] && conemap__same(e->given[k], token, length);
     if (needs) {
         if (!e->commenting) conemap__snippet_named(e, token, length);
     } else if (length > 8 && strncmp(token, "conemap_", 8) == 0) {
@@ -6768,7 +6772,6 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     unsigned char *f = e->flags;
     conemap_result result;
     conemap_tracer tracer;
-    const char *names[6];
     int k, m, relaxed;
     if (!CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT) || !CONEMAP__KNOWN(d->stage, CONEMAP_STAGE_COUNT) ||
         !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) || !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
@@ -6787,18 +6790,18 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     if (d->fixed_size && (d->map.width < 1 || d->map.height < 1 || d->map.width > CONEMAP_MAX_SIZE ||
                           d->map.height > CONEMAP_MAX_SIZE))
         return CONEMAP_ERROR_SIZE;
-    names[0] = d->prefix;
-    names[1] = d->map_name;
-    names[2] = d->heights_name;
-    names[3] = d->maxima_name;
-    names[4] = d->sampler_name;
-    names[5] = d->fetch;
-    for (k = 0; k < 6; ++k) {
-        if (!conemap__is_name(names[k])) return CONEMAP_ERROR_PARAMETER;
+    e->given[0] = d->prefix;
+    e->given[1] = d->map_name;
+    e->given[2] = d->heights_name;
+    e->given[3] = d->maxima_name;
+    e->given[4] = d->sampler_name;
+    e->given[5] = d->fetch;
+    e->given[6] = d->fetch_maxima;
+    for (k = 0; k < 7; ++k) {
+        if (!conemap__is_name(e->given[k])) return CONEMAP_ERROR_PARAMETER;
         for (m = 0; m < k; ++m)
-            if (names[k] && names[m] && strcmp(names[k], names[m]) == 0) return CONEMAP_ERROR_PARAMETER;
+            if (e->given[k] && e->given[m] && strcmp(e->given[k], e->given[m]) == 0) return CONEMAP_ERROR_PARAMETER;
     }
-    if (!conemap__is_name(d->fetch_maxima)) return CONEMAP_ERROR_PARAMETER;
     if (d->flags != 0 || d->sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
 
     tracer = d->trace.tracer;
@@ -7239,6 +7242,7 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
     conemap__write_trace(&e);
     if (e.flags[conemap__flag_fragment]) conemap__lines(&e, conemap__fragment_text, 0);
     if (e.flags[conemap__flag_compute]) conemap__lines(&e, conemap__compute_text, 0);
+    if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
     if (text && e.size < capacity) text[e.size] = 0;
     return CONEMAP_OK;

@@ -234,6 +234,54 @@ fuzz() {
 }
 need "fuzz smoke" clang && part "fuzz smoke" fuzz
 
+# ---- emitted shaders through real compilers, and on a software GPU -----------------------------------------------------
+shaders() { # PART
+    sh tests/gpu/shaders.sh "$1" "$dir" || return 1
+    cat "$dir/count" >>"$work/counts"
+}
+need "shaders in C" gcc && part "shaders in C" shaders c
+need "shaders in GLSL" gcc glslangValidator spirv-val && part "shaders in GLSL" shaders glsl
+# HLSL_DLLS: a folder with Microsoft's compilers, or npm fetches the packages that hold them.
+dlls() {
+    [ -n "${HLSL_DLLS:-}" ] && return 0
+    HLSL_DLLS=$PWD/$work/dlls
+    export HLSL_DLLS
+    [ -f "$HLSL_DLLS/msdxc.dll" ] && return 0
+    have npm || return 1
+    mkdir -p "$HLSL_DLLS"
+    (
+        cd "$HLSL_DLLS" || exit 1
+        timeout 300 npm pack --silent webgpu@0.6.2 gl@8.1.6 >/dev/null 2>&1 || exit 1
+        tar xzf webgpu-0.6.2.tgz --strip-components=3 package/dist/win32-x64/d3dcompiler_47.dll package/dist/win32-x64/dxcompiler.dll || exit 1
+        mv d3dcompiler_47.dll msfxc.dll
+        tar xzf gl-8.1.6.tgz --strip-components=5 package/deps/windows/dll/x64/d3dcompiler_47.dll || exit 1
+        mv d3dcompiler_47.dll msfxc_old.dll
+        mv dxcompiler.dll msdxc.dll
+        rm -f ./*.tgz
+    )
+}
+case "shaders in HLSL" in
+*"$only"*)
+    if ! have x86_64-w64-mingw32-gcc || { ! have wine64 && [ ! -x /usr/lib/wine/wine64 ]; }; then
+        skip "shaders in HLSL" "wine64 and mingw"
+    elif ! dlls; then
+        skip "shaders in HLSL" "Microsoft compilers (npm could not fetch them; HLSL_DLLS can name a folder)"
+    else
+        part "shaders in HLSL" shaders hlsl
+    fi
+    ;;
+esac
+software_gpu() {
+    gcc -std=c99 -O2 -I. tests/gpu/gl.c -o "$dir/gl" -lEGL -lm || return 1
+    EGL_PLATFORM=surfaceless "$dir/gl" || return 1
+    tail -n 1 "$dir/log" >>"$work/counts"
+}
+if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
+    part "shaders on a software GPU" software_gpu
+else
+    skip "shaders on a software GPU" "EGL headers"
+fi
+
 # ---- the examples as a person runs them ---------------------------------------------------------------------------
 need "examples" make && part "examples" sh tests/examples.sh
 # Builds by many threads: the same bits, and no data race.

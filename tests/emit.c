@@ -290,7 +290,252 @@ static void runs_as_c(void)
     test_note("%d rays in emitted C, %d on edges", all.rays, all.different);
 }
 
+/* ---- what is refused, and sizes ---- */
+
+static void bad_input(void)
+{
+    static const struct {
+        int what;
+        conemap_result result;
+    } cases[] = {
+        {0, CONEMAP_ERROR_ENUM},         {1, CONEMAP_ERROR_ENUM},        {2, CONEMAP_ERROR_ENUM},         {3, CONEMAP_ERROR_ENUM},
+        {4, CONEMAP_ERROR_ENUM},         {5, CONEMAP_ERROR_ENUM},        {6, CONEMAP_ERROR_ENUM},         {7, CONEMAP_ERROR_PARAMETER},
+        {8, CONEMAP_ERROR_PARAMETER},    {9, CONEMAP_ERROR_PARAMETER},   {10, CONEMAP_ERROR_PARAMETER},   {11, CONEMAP_ERROR_PARAMETER},
+        {12, CONEMAP_ERROR_PARAMETER},   {13, CONEMAP_ERROR_PARAMETER},  {14, CONEMAP_ERROR_SIZE},        {15, CONEMAP_ERROR_UNSUPPORTED},
+        {16, CONEMAP_ERROR_UNSUPPORTED}, {17, CONEMAP_ERROR_UNSUPPORTED}, {18, CONEMAP_ERROR_UNSUPPORTED}, {19, CONEMAP_ERROR_UNSUPPORTED},
+        {20, CONEMAP_ERROR_UNSUPPORTED}, {21, CONEMAP_ERROR_UNSUPPORTED}, {22, CONEMAP_ERROR_UNSUPPORTED}, {23, CONEMAP_ERROR_UNSUPPORTED},
+        {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},   {27, CONEMAP_ERROR_PARAMETER},
+        {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
+    };
+    static const char long_name[] = "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
+    char text[8] = "unhurt";
+    size_t size = 77;
+    int k;
+    for (k = 0; k < (int)(sizeof cases / sizeof cases[0]); ++k) {
+        conemap_shader_desc d;
+        conemap_result result;
+        memset(&d, 0, sizeof d);
+        switch (cases[k].what) {
+        case 0: d.dialect = (conemap_dialect)CONEMAP_DIALECT_COUNT; break;
+        case 1: d.stage = (conemap_stage)-1; break;
+        case 2: d.filter = (conemap_filter)3; break;
+        case 3: d.map.wrap_v = (conemap_wrap)3; break;
+        case 4: d.trace.tracer = (conemap_tracer)99; break;
+        case 5: d.map.texture.encoding = (conemap_encoding)3; break;
+        case 6: d.precision = (conemap_precision)2; break;
+        case 7: d.map.aspect = NAN; break;
+        case 8: d.map.max_tan = -1.0f; break;
+        case 9: d.binding = -1; break;
+        case 10: d.prefix = "1a"; break;
+        case 11: d.prefix = long_name; break;
+        case 12: d.map_name = "a b"; break;
+        case 13: d.prefix = "one", d.map_name = "one"; break;
+        case 14: d.fixed_size = 1; break;
+        case 15: d.stage = CONEMAP_STAGE_COMPUTE; break;
+        case 16: d.filter = CONEMAP_FILTER_HARDWARE; break;
+        case 17: d.filter = CONEMAP_FILTER_GATHER; break;
+        case 18: d.sectors = 4; break;
+        case 19: d.flags = 1; break;
+        case 20: d.dialect = CONEMAP_C99; break;
+        case 21: d.set = 1; break;
+        case 22: d.sampler_binding = 1; break;
+        case 23: d.precision = CONEMAP_MEDIUMP; break;
+        case 24: d.atlas = d.fixed_size = 1, d.map.width = d.map.height = 4; break;
+        case 25: d.map_name = "ground"; break; /* a name that the text uses itself */
+        case 26: d.map_name = "gl_map"; break;
+        case 27: d.prefix = "a__b"; break;
+        case 28: d.map_name = ""; break;
+        default: d.trace.step_scale = INFINITY; break;
+        }
+        result = conemap_emit(&d, text, sizeof text, &size);
+        CHECK(result == cases[k].result, "case %d: %s", cases[k].what, conemap_result_string(result));
+        CHECK(size == 77 && strcmp(text, "unhurt") == 0, "case %d: something was written", cases[k].what);
+    }
+    {
+        conemap_shader_desc d;
+        memset(&d, 0, sizeof d);
+        CHECK(conemap_emit(NULL, text, sizeof text, &size) == CONEMAP_ERROR_NULL, "null desc");
+        CHECK(conemap_emit(&d, NULL, 0, NULL) == CONEMAP_ERROR_NULL, "nothing to write to");
+        CHECK(conemap_maxima_levels(NULL) == 0 && conemap_write_maxima(NULL, 0, NULL, 0) == CONEMAP_ERROR_NULL, "no map");
+    }
+}
+
+static void sizes_and_truncation(void)
+{
+    conemap_shader_desc d;
+    size_t size = 0, again = 0, capacity;
+    char *whole;
+    memset(&d, 0, sizeof d);
+    CHECK(conemap_emit(&d, NULL, 0, &size) == CONEMAP_OK, "size");
+    whole = emit(&d);
+    if (!whole) return;
+    for (capacity = 0; capacity <= size; capacity += capacity + 2 < size || capacity == size ? 1 + size / 37 : size - capacity) {
+        char *text = (char *)test_alloc(capacity); /* guarded on both sides */
+        conemap_result result;
+        memset(text, 'x', capacity);
+        again = 0;
+        result = conemap_emit(&d, text, capacity, &again);
+        CHECK(again == size, "size %d, then %d", (int)size, (int)again);
+        if (capacity < size) CHECK(result == CONEMAP_ERROR_BUFFER && (capacity == 0 || text[0] == 'x'), "capacity %d", (int)capacity);
+        else CHECK(result == CONEMAP_OK && strcmp(text, whole) == 0, "capacity %d", (int)capacity);
+        test_release(text);
+    }
+    test_release(whole);
+}
+
+/* ---- the text itself ---- */
+
+static int letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || (c >= '0' && c <= '9'); }
+
+/* Takes the comments out. */
+static void strip(char *text)
+{
+    char *to = text;
+    while (*text) {
+        if (text[0] == '/' && text[1] == '/')
+            while (*text && *text != '\n') ++text;
+        if (*text) *to++ = *text++;
+    }
+    *to = 0;
+}
+
+static int uses(const char *text, const char *name, size_t length)
+{
+    const char *at = text;
+    int count = 0;
+    while ((at = strstr(at, name)) != NULL) {
+        if ((at == text || !letter(at[-1])) && !letter(at[length])) ++count;
+        at += length;
+    }
+    return count;
+}
+
+/* Braces balance, lines are indented by them, and what is declared is used: names behind a type occur once more. */
+static void check_text(const char *what, char *text, int functions)
+{
+    static const char *const types[] = {"float", "int", "bool", "vec2", "vec3", "vec4", "ivec2", "ivec4", "float2", "float3", "float4",
+                                        "int2", "int4", "sampler2D", "sampler2DArray", "SamplerState", "uint", "conemap_hit", "Texture2D"};
+    int depth = 0, round = 0, k;
+    const char *at;
+    strip(text);
+    for (at = text; *at; ++at) {
+        if (*at == '\n' && at[1] && at[1] != '\n' && at[1] != '#') {
+            int spaces = 0;
+            while (at[1 + spaces] == ' ') ++spaces;
+            CHECK(round > 0 || spaces == 4 * (depth - (at[1 + spaces] == '}')) || at[1 + spaces] == 'v', "%s: indented by %d at depth %d: %.40s", what, spaces, depth,
+                  at + 1);
+        }
+        if (*at == '$' || *at == '?' ) CHECK(*at == '?' && at[-1] == ' ' && at[1] == ' ', "%s: a %c is left: %.30s", what, *at, at);
+        depth += (*at == '{') - (*at == '}');
+        round += (*at == '(') - (*at == ')');
+        CHECK(depth >= 0 && round >= 0, "%s: closes too much", what);
+    }
+    CHECK(depth == 0 && round == 0, "%s: %d braces, %d brackets open", what, depth, round);
+    for (k = 0; k < (int)(sizeof types / sizeof types[0]); ++k) {
+        const size_t length = strlen(types[k]);
+        for (at = strstr(text, types[k]); at; at = strstr(at + 1, types[k])) {
+            const char *name = at + length, *end;
+            char word[80];
+            if ((at > text && letter(at[-1])) || *name != ' ') continue;
+            ++name;
+            for (end = name; letter(*end); ++end) continue;
+            if (end == name || end - name >= 80) continue;
+            memcpy(word, name, (size_t)(end - name));
+            word[end - name] = 0;
+            if (strcmp(word, "main") == 0 || (functions && (strcmp(word, "conemap_trace") == 0 || strcmp(word, "conemap_any_hit") == 0))) continue;
+            /* fields of the answer are for the host */
+            if (strcmp(word, "found") == 0 || strcmp(word, "position") == 0 || strcmp(word, "t") == 0 || strcmp(word, "status") == 0) continue;
+            CHECK(uses(text, word, (size_t)(end - name)) > 1, "%s: %s is never used", what, word);
+        }
+    }
+}
+
+static void texts(void)
+{
+    int dialect, stage, tracer, refinement, option, count = 0;
+    for (dialect = 0; dialect < CONEMAP_C99; ++dialect)
+        for (stage = 0; stage < CONEMAP_STAGE_COUNT; ++stage)
+            for (tracer = 1; tracer < CONEMAP_TRACER_COUNT; ++tracer)
+                for (refinement = 0; refinement < CONEMAP_REFINEMENT_COUNT; ++refinement)
+                    for (option = 0; option < 12; ++option) {
+                        conemap_shader_desc d;
+                        size_t size = 0;
+                        char what[80], *text;
+                        memset(&d, 0, sizeof d);
+                        d.dialect = (conemap_dialect)dialect;
+                        d.stage = (conemap_stage)stage;
+                        d.trace.tracer = (conemap_tracer)tracer;
+                        d.trace.refinement = (conemap_refinement)refinement;
+                        if (option == 1) d.map.wrap_u = CONEMAP_WRAP;
+                        if (option == 2) d.map.wrap_v = CONEMAP_NOTHING, d.status = 1;
+                        if (option == 3) d.filter = CONEMAP_FILTER_GATHER;
+                        if (option == 4) d.filter = CONEMAP_FILTER_HARDWARE;
+                        if (option == 5) d.map.texture.layout = CONEMAP_CONE_ONLY;
+                        if (option == 6) d.map.texture.per_cell = 1, d.array = 1;
+                        if (option == 7) d.atlas = 1, d.t_range = 1;
+                        if (option == 8) d.map.guarantee = CONEMAP_GUARANTEE_VERTEX, d.steps = 1;
+                        if (option == 9) d.fixed_size = 1, d.map.width = 64, d.map.height = 32;
+                        if (option == 10) d.trace.any_hit = 1;
+                        if (option == 11) d.map.texture.encoding = CONEMAP_RADIUS, d.run_time_cap = 1, d.trace.adaptive_steps = 1;
+                        if (conemap_emit(&d, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED) continue;
+                        text = emit(&d);
+                        if (!text) return;
+                        snprintf(what, sizeof what, "dialect %d stage %d tracer %d refinement %d option %d", dialect, stage, tracer, refinement, option);
+                        check_text(what, text, stage == CONEMAP_STAGE_FUNCTIONS);
+                        test_release(text);
+                        ++count;
+                    }
+    CHECK(count > 1000, "%d texts", count);
+    test_note("%d texts", count);
+}
+
+/* The default stays short: a person reads it in a debugger. */
+static void length(void)
+{
+    conemap_shader_desc d;
+    char *text, *at;
+    int lines = 0, columns = 0;
+    memset(&d, 0, sizeof d);
+    text = emit(&d);
+    if (!text) return;
+    strip(text);
+    for (at = text; *at; ++at) {
+        columns = *at == '\n' ? 0 : columns + (*at != ' ');
+        lines += columns == 1 && *at != ' ';
+    }
+    CHECK(lines < 60, "%d lines of code", lines);
+    test_note("the default is %d lines", lines);
+    test_release(text);
+}
+
+/* Numbers come back to the bit: step_scale and aspect stand in the text with nine digits. */
+static void numbers(void)
+{
+    struct zoo_random random = zoo_seed(3);
+    int k;
+    for (k = 0; k < 400; ++k) {
+        conemap_shader_desc d;
+        char *text, *at;
+        float scale = zoo_unit(&random) * (k % 4 == 0 ? 1e6f : k % 4 == 1 ? 1e-6f : k % 4 == 2 ? 3.0f : 1000.0f), back;
+        if (k < 8) scale = (float)k * 0.25f + 0.25f;
+        if (scale == 0.0f || scale == 1.0f) continue;
+        memset(&d, 0, sizeof d);
+        d.trace.step_scale = scale;
+        text = emit(&d);
+        if (!text) return;
+        at = strstr(text, "closing > 0.0 ? ");
+        back = at ? strtof(at + 16, NULL) : 0.0f;
+        CHECK(back == scale, "%.9g is written %.20s", (double)scale, at ? at + 16 : "nowhere");
+        test_release(text);
+    }
+}
+
 const struct test_case emit_tests[] = {
+    {"bad input", bad_input},
+    {"sizes and truncation", sizes_and_truncation},
+    {"texts", texts},
+    {"length", length},
+    {"numbers", numbers},
     {"golden files", golden_files},
     {"runs as C", runs_as_c},
     {NULL, NULL},

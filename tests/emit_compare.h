@@ -109,17 +109,29 @@ static inline int compare_on_edge(const conemap_map *map, const conemap_trace_de
 static inline void compare_truth(const conemap_map *map, const struct truth_map *truth, const conemap_ray *ray,
                                  const struct shader_hit *gpu, struct compare_counts *counts)
 {
-    double o[3], d[3], t = 0.0, end, begin = 0.0, clearance, x, y, way, limit, level;
+    double o[3], d[3], t = 0.0, end, begin = 0.0, clearance, x, y, way, limit;
     int k;
     for (k = 0; k < 3; ++k) {
-        o[k] = (double)ray->origin[k];
         d[k] = (double)ray->direction[k];
+        o[k] = (double)ray->origin[k] + d[k] * (double)ray->t_min; /* times from here on count from t_min */
     }
-    if (!truth_trace(truth, o, d, ray->t_max > 0.0f ? (double)ray->t_max : HUGE_VAL, &t)) return;
-    end = ray->t_max > 0.0f ? (double)ray->t_max : 1e30;
+    end = ray->t_max > 0.0f ? (double)ray->t_max - (double)ray->t_min : 1e30;
+    if (!truth_trace(truth, o, d, ray->t_max > 0.0f ? end : HUGE_VAL, &t)) return;
     truth_above_floor(o, d, &begin, &end);
-    level = sqrt(d[0] * d[0] + d[1] * d[1]);
-    if (gpu->found) end = (double)gpu->t * (1.0 - 1.0 / 4194304.0) - (level > 0.0 ? 3e-7 / level : 0.0);
+    if (gpu->found) { /* t is added up step by step; the place is more exact far along a ray */
+        double t_here, slack = 0.0;
+        end = (double)gpu->t * (1.0 - 1.0 / 4194304.0) - (double)ray->t_min;
+        for (k = 0; k < 2; ++k) { /* the side through which the surface is entered */
+            if ((k ? truth->wrap_v : truth->wrap_u) == 2 && d[k] != 0.0 && 1.2e-7 / fabs(d[k]) > slack) slack = 1.2e-7 / fabs(d[k]);
+        }
+        k = fabs(d[1]) > fabs(d[0]);
+        if (fabs(d[k]) > 0.01 * fabs(d[2])) {
+            t_here = ((double)gpu->position[k] - o[k]) / d[k];
+            slack += 3e-7 * (1.0 + fabs((double)gpu->position[k])) / fabs(d[k]);
+            if (t_here < end) end = t_here;
+        }
+        end -= slack;
+    }
     if (end <= begin || end < t) return;
     clearance = truth_clearance(truth, o, d, begin, end);
     if (clearance >= -1.0 / 1048576.0) return;

@@ -33,7 +33,7 @@ int conemap_repeat(int i, int size) {
 
 // How many cells the block of level k goes on, in the ray's direction, from a cell of it.
 int conemap_ahead(int cell, int count, int k, int s) {
-    int low = (cell >> k) << k, high = low + (1 << k);
+    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;
     return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;
 }
 
@@ -69,7 +69,7 @@ conemap_hit conemap_trace(float3 origin, float3 direction, int slice) {
     float reach_end = range.x + 1048576.0 / (v.x + v.y); // farther than a float can tell cells apart
     range.y = min(range.y, reach_end);
     int cells_u = size.x, cells_v = size.y + 1, top = 0;
-    while ((1 << top) < cells_u || (1 << top) < cells_v) ++top;
+    for (int side = 1; side < cells_u || side < cells_v; side *= 2) ++top;
     int k = top;
     float t = 0.0, dt = range.x, hit = -1.0;
     bool done = range.x > range.y;

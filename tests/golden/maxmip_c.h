@@ -58,7 +58,7 @@ static int maxmip_clampi(int i, int low, int high) {
 
 // How many cells the block of level k goes on, in the ray's direction, from a cell of it.
 static int maxmip_ahead(int cell, int count, int k, int s) {
-    int low = (cell >> k) << k, high = low + (1 << k);
+    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;
     return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;
 }
 
@@ -105,7 +105,7 @@ static maxmip_hit maxmip_trace(maxmip_vec3 origin, maxmip_vec3 direction, maxmip
     float x = (float)(si) * (origin.x * (float)(size.x) - 0.5f), y = (float)(sj) * (origin.y * (float)(size.y) - 0.5f), z = origin.z;
     int end_status = 1;
     int cells_u = size.x + 1, cells_v = size.y + 1, top = 0;
-    while ((1 << top) < cells_u || (1 << top) < cells_v) ++top;
+    for (int side = 1; side < cells_u || side < cells_v; side *= 2) ++top;
     int k = top;
     float t = 0.0f, dt = range.x, hit = -1.0f;
     bool done = range.x > range.y;

@@ -62,7 +62,7 @@ static int qdm_repeat(int i, int size) {
 
 // How many cells the block of level k goes on, in the ray's direction, from a cell of it.
 static int qdm_ahead(int cell, int count, int k, int s) {
-    int low = (cell >> k) << k, high = low + (1 << k);
+    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;
     return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;
 }
 
@@ -107,7 +107,7 @@ static qdm_hit qdm_trace(qdm_vec3 origin, qdm_vec3 direction, qdm_ivec2 size) {
     if (range.y > reach_end) end_status = 4;
     range.y = fminf(range.y, reach_end);
     int cells_u = size.x + 1, cells_v = size.y, top = 0;
-    while ((1 << top) < cells_u || (1 << top) < cells_v) ++top;
+    for (int side = 1; side < cells_u || side < cells_v; side *= 2) ++top;
     int k = top;
     float t = 0.0f, dt = range.x, hit = -1.0f;
     bool done = range.x > range.y;

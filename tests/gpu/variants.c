@@ -61,7 +61,7 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
     if (choice[k++]) {
         d->prefix = "relief";
         d->map_name = "bumps";
-        d->heights_name = "ground";
+        d->heights_name = "soil";
         d->maxima_name = "tops";
         d->sampler_name = "plain";
     }
@@ -114,7 +114,7 @@ static void wrap(const conemap_shader_desc *d)
         put(line);
     }
     if (d->external && !c) { /* the host's own declarations */
-        static const char *const given[3] = {"bumps", "ground", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
+        static const char *const given[3] = {"bumps", "soil", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
         int k;
         for (k = 0; k < 3; ++k) {
             const char *name = d->prefix ? given[k] : plain[k];
@@ -154,8 +154,8 @@ static void wrap(const conemap_shader_desc *d)
     }
     if (d->fetch) {
         const char *two = hlsl ? "float2" : c ? "" : "vec2", *index = d->filter == CONEMAP_FILTER_HARDWARE ? "float i, float j" : "int i, int j";
-        if (c && !heights) sprintf(line, "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)(i + j%s);\n    return v;\n}\n", prefix, index, slice, prefix, d->array ? " + slice" : "");
-        else if (c) sprintf(line, "float host_fetch(%s%s) {\n    return (float)(i + j%s);\n}\n", index, slice, d->array ? " + slice" : "");
+        if (c && !heights) sprintf(line, "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)i + (float)j%s;\n    return v;\n}\n", prefix, index, slice, prefix, d->array ? " + (float)slice" : "");
+        else if (c) sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s;\n}\n", index, slice, d->array ? " + (float)slice" : "");
         else if (heights) sprintf(line, "float host_fetch(%s%s) {\n    return 0.01 * float(i + j)%s;\n}\n", index, slice, d->array ? " * float(slice)" : "");
         else sprintf(line, "%s host_fetch(%s%s) {\n    return %s(0.01 * float(i + j)%s, 0.5);\n}\n", two, index, slice, two, d->array ? " * float(slice)" : "");
         put(line);

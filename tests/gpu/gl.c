@@ -1,0 +1,597 @@
+/* Emitted GLSL on a software GPU (Mesa, surfaceless EGL) against the CPU's tracers and the truth. Builds and runs only
+   in check.sh; exits with 77 where there is no such GPU. */
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CONEMAP_IMPLEMENTATION
+#include "conemap.h"
+#include "../emit_compare.h"
+
+#include <EGL/egl.h>
+#define GL_GLEXT_PROTOTYPES
+#include <GL/gl.h>
+#include <GL/glext.h>
+
+#define SIDE 64 /* rays: SIDE * SIDE */
+#define RAYS (SIDE * SIDE)
+
+#define GL_FUNCTIONS(X)                                                                                              \
+    X(PFNGLCREATESHADERPROC, CreateShader) X(PFNGLSHADERSOURCEPROC, ShaderSource) X(PFNGLCOMPILESHADERPROC, CompileShader) \
+    X(PFNGLGETSHADERIVPROC, GetShaderiv) X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog) X(PFNGLCREATEPROGRAMPROC, CreateProgram) \
+    X(PFNGLATTACHSHADERPROC, AttachShader) X(PFNGLLINKPROGRAMPROC, LinkProgram) X(PFNGLGETPROGRAMIVPROC, GetProgramiv) \
+    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog) X(PFNGLUSEPROGRAMPROC, UseProgram) X(PFNGLDELETEPROGRAMPROC, DeleteProgram) \
+    X(PFNGLDELETESHADERPROC, DeleteShader) X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation) X(PFNGLUNIFORM1IPROC, Uniform1i) \
+    X(PFNGLUNIFORM2FPROC, Uniform2f) X(PFNGLUNIFORM2IPROC, Uniform2i) X(PFNGLUNIFORM4IPROC, Uniform4i) \
+    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers) X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer) \
+    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D) X(PFNGLDRAWBUFFERSPROC, DrawBuffers) \
+    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) X(PFNGLACTIVETEXTUREPROC, ActiveTexture) \
+    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays) X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray) X(PFNGLGENBUFFERSPROC, GenBuffers) \
+    X(PFNGLBINDBUFFERPROC, BindBuffer) X(PFNGLBUFFERDATAPROC, BufferData) X(PFNGLBINDBUFFERBASEPROC, BindBufferBase) \
+    X(PFNGLMAPBUFFERRANGEPROC, MapBufferRange) X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) X(PFNGLDISPATCHCOMPUTEPROC, DispatchCompute) \
+    X(PFNGLMEMORYBARRIERPROC, MemoryBarrier) X(PFNGLTEXIMAGE3DPROC, TexImage3D) X(PFNGLTEXSUBIMAGE3DPROC, TexSubImage3D) \
+    X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv) X(GENTEXTURES, GenTextures) X(BINDTEXTURE, BindTexture) X(TEXIMAGE2D, TexImage2D) \
+    X(TEXPARAMETERI, TexParameteri) X(PIXELSTOREI, PixelStorei) X(DELETETEXTURES, DeleteTextures) X(VIEWPORT, Viewport) \
+    X(DRAWARRAYS, DrawArrays) X(READPIXELS, ReadPixels) X(READBUFFER, ReadBuffer) X(GETERROR, GetError) X(ENABLE, Enable) \
+    X(TEXSUBIMAGE2D, TexSubImage2D) X(PFNGLDELETEBUFFERSPROC, DeleteBuffers)
+typedef void(APIENTRYP GENTEXTURES)(GLsizei, GLuint *);
+typedef void(APIENTRYP BINDTEXTURE)(GLenum, GLuint);
+typedef void(APIENTRYP TEXIMAGE2D)(GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void *);
+typedef void(APIENTRYP TEXSUBIMAGE2D)(GLenum, GLint, GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, const void *);
+typedef void(APIENTRYP TEXPARAMETERI)(GLenum, GLenum, GLint);
+typedef void(APIENTRYP PIXELSTOREI)(GLenum, GLint);
+typedef void(APIENTRYP DELETETEXTURES)(GLsizei, const GLuint *);
+typedef void(APIENTRYP VIEWPORT)(GLint, GLint, GLsizei, GLsizei);
+typedef void(APIENTRYP DRAWARRAYS)(GLenum, GLint, GLsizei);
+typedef void(APIENTRYP READPIXELS)(GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, void *);
+typedef void(APIENTRYP READBUFFER)(GLenum);
+typedef GLenum(APIENTRYP GETERROR)(void);
+typedef void(APIENTRYP ENABLE)(GLenum);
+#define GL_FIELD(type, name) type name;
+static struct {
+    GL_FUNCTIONS(GL_FIELD)
+} gl;
+
+static int failures;
+
+static void fail(const char *format, ...)
+{
+    va_list arguments;
+    ++failures;
+    va_start(arguments, format);
+    vprintf(format, arguments);
+    va_end(arguments);
+    printf("\n");
+    fflush(stdout);
+}
+
+static EGLDisplay display;
+
+static void context(int es)
+{
+    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                  EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+    static const EGLint three[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
+    EGLContext made;
+    GLuint array;
+    eglBindAPI(es ? EGL_OPENGL_ES_API : EGL_OPENGL_API);
+    made = eglCreateContext(display, (EGLConfig)0, EGL_NO_CONTEXT, es ? three : core); /* no surface, no config */
+    if (made == EGL_NO_CONTEXT || !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, made)) {
+        printf("no surfaceless context\n");
+        exit(77);
+    }
+#define GL_FIND(type, name) gl.name = (type)eglGetProcAddress("gl" #name);
+    GL_FUNCTIONS(GL_FIND)
+    gl.GenVertexArrays(1, &array);
+    gl.BindVertexArray(array);
+    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    gl.Viewport(0, 0, SIDE, SIDE);
+    if (!es) gl.Enable(GL_PROGRAM_POINT_SIZE);
+}
+
+static GLuint texture(int array, int mips, int width, int height, GLenum internal, GLenum format, GLenum type, int atlas,
+                      GLenum filter, GLenum wrap_u, GLenum wrap_v, const void *pixels)
+{
+    const GLenum target = array ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
+    GLuint name;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(target, name);
+    if (array) { /* slice 1 of 2 */
+        gl.TexImage3D(target, 0, (GLint)internal, width, height, 2, 0, format, type, NULL);
+        gl.TexSubImage3D(target, 0, 0, 0, 1, width, height, 1, format, type, pixels);
+    } else if (atlas) { /* at (5, 3) of a larger one */
+        gl.TexImage2D(target, 0, (GLint)internal, width + 9, height + 7, 0, format, type, NULL);
+        gl.TexSubImage2D(target, 0, 5, 3, width, height, format, type, pixels);
+    } else {
+        gl.TexImage2D(target, 0, (GLint)internal, width, height, 0, format, type, pixels);
+    }
+    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, (GLint)(mips ? GL_NEAREST_MIPMAP_NEAREST : filter));
+    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, (GLint)(mips ? GL_NEAREST : filter));
+    gl.TexParameteri(target, GL_TEXTURE_WRAP_S, (GLint)wrap_u);
+    gl.TexParameteri(target, GL_TEXTURE_WRAP_T, (GLint)wrap_v);
+    return name;
+}
+
+static GLuint shader(GLenum stage, const char *text)
+{
+    GLuint name = gl.CreateShader(stage);
+    GLint good = 0;
+    gl.ShaderSource(name, 1, &text, NULL);
+    gl.CompileShader(name);
+    gl.GetShaderiv(name, GL_COMPILE_STATUS, &good);
+    if (!good) {
+        char log[2000] = "";
+        gl.GetShaderInfoLog(name, sizeof log, NULL, log);
+        fail("%s\n%s", text, log);
+        exit(1);
+    }
+    return name;
+}
+
+static GLuint program(GLuint first, GLuint second)
+{
+    GLuint name = gl.CreateProgram();
+    GLint good = 0;
+    gl.AttachShader(name, first);
+    if (second) gl.AttachShader(name, second);
+    gl.LinkProgram(name);
+    gl.GetProgramiv(name, GL_LINK_STATUS, &good);
+    if (!good) {
+        char log[2000] = "";
+        gl.GetProgramInfoLog(name, sizeof log, NULL, log);
+        fail("link: %s", log);
+        exit(1);
+    }
+    return name;
+}
+
+/* A fetch of the host's that filters as most GPUs do: weights rounded to 8 bits. */
+static const char eight_bits[] =
+    "uniform highp sampler2D conemap_map;\n"
+    "vec2 host_texel(ivec2 p, ivec2 size) {\n"
+    "    return texelFetch(conemap_map, clamp(p, ivec2(0), size - 1), 0).rg;\n"
+    "}\n"
+    "vec2 host_fetch(float u, float v) {\n"
+    "    ivec2 size = textureSize(conemap_map, 0);\n"
+    "    vec2 p = floor((vec2(u, v) * vec2(size) - 0.5) * 256.0 + 0.5) / 256.0;\n"
+    "    ivec2 c = ivec2(floor(p));\n"
+    "    p -= vec2(c);\n"
+    "    return mix(mix(host_texel(c, size), host_texel(c + ivec2(1, 0), size), p.x),\n"
+    "               mix(host_texel(c + ivec2(0, 1), size), host_texel(c + 1, size), p.x), p.y);\n"
+    "}\n";
+
+struct run {
+    const char *name;
+    conemap_shader_desc desc;
+    conemap_generator generator;
+    int count_only; /* differences are counted, not judged: coarse filter weights */
+};
+
+static float rays_o[RAYS * 4], rays_d[RAYS * 4], answers[2][RAYS * 4];
+static conemap_ray rays[RAYS];
+static struct compare_counts total;
+static int runs_done;
+
+static void uniform_i(GLuint p, const char *name, int value)
+{
+    GLint at = gl.GetUniformLocation(p, name);
+    if (at >= 0) gl.Uniform1i(at, value);
+}
+
+static GLuint build(const struct run *r)
+{
+    static char text[70000], whole[90000], name[64];
+    static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
+    const conemap_shader_desc *d = &r->desc;
+    conemap_result result = conemap_emit(d, text, sizeof text, NULL);
+    if (result != CONEMAP_OK) {
+        fail("%s: %s", r->name, conemap_result_string(result));
+        exit(1);
+    }
+    if (d->stage == CONEMAP_STAGE_COMPUTE) return program(shader(GL_COMPUTE_SHADER, text), 0);
+    if (d->stage == CONEMAP_STAGE_FRAGMENT) {
+        const char *place = d->dialect == CONEMAP_GLSL_330 || d->dialect == CONEMAP_ESSL_300 ? "" : "layout(location = %d) ";
+        char places[2][64];
+        sprintf(places[0], place, 0);
+        sprintf(places[1], place, 1);
+        sprintf(whole,
+                "#version %s\nprecision highp float;\nuniform highp sampler2D rays_o, rays_d;\n%sout vec3 conemap_origin;\n%sout vec3 conemap_direction;\n"
+                "void main() {\n    ivec2 p = ivec2(gl_VertexID %% %d, gl_VertexID / %d);\n"
+                "    conemap_origin = texelFetch(rays_o, p, 0).xyz;\n    conemap_direction = texelFetch(rays_d, p, 0).xyz;\n"
+                "    gl_PointSize = 1.0;\n    gl_Position = vec4((vec2(p) + 0.5) / %d.0 * 2.0 - 1.0, 0.0, 1.0);\n}\n",
+                versions[d->dialect], places[0], places[1], SIDE, SIDE, SIDE);
+        return program(shader(GL_VERTEX_SHADER, whole), shader(GL_FRAGMENT_SHADER, text));
+    }
+    sprintf(whole, "#version %s\nprecision highp float;\n", versions[d->dialect]);
+    if (d->external) sprintf(whole + strlen(whole), "uniform highp %s conemap_map;\n", d->array ? "sampler2DArray" : "sampler2D");
+    strcat(whole, text);
+    if (d->fetch && d->filter == CONEMAP_FILTER_HARDWARE) strcat(whole, eight_bits);
+    else if (d->fetch) strcat(whole, "uniform highp sampler2D conemap_map;\nvec2 host_fetch(int i, int j) {\n    return texelFetch(conemap_map, ivec2(i, j), 0).rg;\n}\n");
+    sprintf(name, "%s_%s", d->prefix ? d->prefix : "conemap", d->trace.any_hit ? "any_hit" : "trace");
+    sprintf(whole + strlen(whole),
+            "uniform highp sampler2D rays_o, rays_d;\nuniform highp ivec4 given_rect;\nuniform highp ivec2 given_size;\n"
+            "uniform highp int given_cap, given_slice;\n"
+            "layout(location = 0) out vec4 answer;\nlayout(location = 1) out vec4 more;\nvoid main() {\n"
+            "    ivec2 p = ivec2(gl_FragCoord.xy);\n    vec4 o = texelFetch(rays_o, p, 0), d = texelFetch(rays_d, p, 0);\n"
+            "    %s hit = %s(o.xyz, d.xyz%s%s%s%s%s);\n",
+            d->trace.any_hit ? "bool" : d->prefix ? "relief_hit" : "conemap_hit", name, d->t_range ? ", o.w, d.w" : "", d->run_time_cap ? ", given_cap" : "",
+            d->atlas ? ", given_rect" : "", d->fetch && !d->fixed_size && !d->atlas ? ", given_size" : "", d->array ? ", given_slice" : "");
+    if (d->trace.any_hit) strcat(whole, "    answer = vec4(0.0, 0.0, 0.0, hit ? 0.0 : -1.0);\n    more = vec4(hit ? 1.0 : 0.0, 0.0, 0.0, 0.0);\n}\n");
+    else
+        sprintf(whole + strlen(whole), "    answer = vec4(hit.position, hit.found ? hit.t : -1.0);\n    more = vec4(hit.found ? 1.0 : 0.0, %s, %s, 0.0);\n}\n",
+                d->status ? "float(hit.status)" : "-1.0", d->steps ? "float(hit.steps)" : "-1.0");
+    {
+        char vertex[400];
+        sprintf(vertex, "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
+                versions[d->dialect]);
+        return program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, whole));
+    }
+}
+
+static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint targets[2], GLuint ray_textures[2])
+{
+    const conemap_shader_desc *d = &r->desc;
+    const GLenum target = d->array ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
+    const GLenum filter = d->filter == CONEMAP_FILTER_FETCH ? GL_NEAREST : GL_LINEAR;
+    const GLenum wrap_u = d->map.wrap_u == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE, wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
+    const char *prefix = d->prefix ? d->prefix : "conemap";
+    conemap_format_numbers numbers;
+    GLuint names[3] = {0, 0, 0}, buffers[2];
+    char name[80];
+    size_t size = conemap_texture_size(map, 0);
+    void *pixels = malloc(size);
+    int k, levels = conemap_maxima_levels(map);
+    const float empty[4] = {0.0f, 0.0f, 0.0f, -1.0f};
+    conemap_get_format_numbers(&map->info.texture, &numbers);
+    conemap_write_texture(map, pixels, size, 0);
+    names[0] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format, numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter, wrap_u, wrap_v, map->heights);
+    free(pixels);
+    gl.GenTextures(1, &names[2]);
+    gl.BindTexture(target, names[2]);
+    for (k = 0; k < levels; ++k) {
+        int side = 1 << (levels - 1 - k);
+        float *values = (float *)malloc((size_t)side * (size_t)side * sizeof(float));
+        conemap_write_maxima(map, k, values, (size_t)side * (size_t)side * sizeof(float));
+        if (d->array) {
+            gl.TexImage3D(target, k, GL_R32F, side, side, 2, 0, GL_RED, GL_FLOAT, NULL);
+            gl.TexSubImage3D(target, k, 0, 0, 1, side, side, 1, GL_RED, GL_FLOAT, values);
+        } else {
+            gl.TexImage2D(target, k, GL_R32F, side, side, 0, GL_RED, GL_FLOAT, values);
+        }
+        free(values);
+    }
+    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.UseProgram(p);
+    for (k = 0; k < 3; ++k) {
+        static const char *const endings[3] = {"map", "heights", "maxima"};
+        gl.ActiveTexture(GL_TEXTURE0 + (GLenum)k);
+        gl.BindTexture(target, names[k]);
+        sprintf(name, "%s_%s", prefix, endings[k]);
+        uniform_i(p, k == 0 && d->map_name ? d->map_name : name, k);
+    }
+    for (k = 0; k < 2; ++k) {
+        gl.ActiveTexture(GL_TEXTURE3 + (GLenum)k);
+        gl.BindTexture(GL_TEXTURE_2D, ray_textures[k]);
+        uniform_i(p, k ? "rays_d" : "rays_o", 3 + k);
+    }
+    for (k = 0; k < 2; ++k) { /* functions get arguments from our main, whole shaders have uniforms */
+        GLint at;
+        uniform_i(p, k ? "conemap_slice" : "given_slice", 1);
+        uniform_i(p, k ? "conemap_max_steps" : "given_cap", 100000);
+        if ((at = gl.GetUniformLocation(p, k ? "conemap_rect" : "given_rect")) >= 0) gl.Uniform4i(at, 5, 3, map->info.width, map->info.height);
+        if ((at = gl.GetUniformLocation(p, k ? "conemap_map_size" : "given_size")) >= 0) gl.Uniform2i(at, map->info.width, map->info.height);
+        if ((at = gl.GetUniformLocation(p, "conemap_range")) >= 0) gl.Uniform2f(at, 0.1f, 0.7f);
+    }
+    if (d->stage == CONEMAP_STAGE_COMPUTE) {
+        const int wide = d->steps || d->status ? 2 : 1, first = 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY || d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
+        float *both = (float *)malloc(RAYS * 8 * sizeof(float));
+        const float *back;
+        for (k = 0; k < RAYS; ++k) {
+            memcpy(both + 8 * k, rays_o + 4 * k, 16);
+            memcpy(both + 8 * k + 4, rays_d + 4 * k, 16);
+        }
+        gl.GenBuffers(2, buffers);
+        gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[0]);
+        gl.BufferData(GL_SHADER_STORAGE_BUFFER, RAYS * 8 * sizeof(float), both, GL_STATIC_DRAW);
+        gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[1]);
+        gl.BufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, NULL, GL_STATIC_DRAW);
+        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first, buffers[0]);
+        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 1, buffers[1]);
+        gl.DispatchCompute(RAYS / 64, 1, 1);
+        gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
+        back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, GL_MAP_READ_BIT);
+        for (k = 0; back && k < RAYS; ++k) {
+            memcpy(answers[0] + 4 * k, back + 4 * wide * k, 16);
+            answers[1][4 * k] = answers[0][4 * k + 3] >= 0.0f;
+            answers[1][4 * k + 2] = d->steps ? back[8 * k + 4] : -1.0f;
+            answers[1][4 * k + 1] = d->status ? back[8 * k + 5] : -1.0f;
+        }
+        gl.UnmapBuffer(GL_SHADER_STORAGE_BUFFER);
+        gl.DeleteBuffers(2, buffers);
+        free(both);
+    } else {
+        (void)targets;
+        gl.ClearBufferfv(GL_COLOR, 0, empty);
+        gl.ClearBufferfv(GL_COLOR, 1, empty);
+        if (d->stage == CONEMAP_STAGE_FRAGMENT) gl.DrawArrays(GL_POINTS, 0, RAYS);
+        else gl.DrawArrays(GL_TRIANGLES, 0, 3);
+        gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+        gl.ReadPixels(0, 0, SIDE, SIDE, GL_RGBA, GL_FLOAT, answers[0]);
+        gl.ReadBuffer(GL_COLOR_ATTACHMENT1);
+        gl.ReadPixels(0, 0, SIDE, SIDE, GL_RGBA, GL_FLOAT, answers[1]);
+        if (d->stage == CONEMAP_STAGE_FRAGMENT)
+            for (k = 0; k < RAYS; ++k) {
+                float steps = answers[1][4 * k], status = answers[1][4 * k + 1];
+                answers[1][4 * k] = d->status ? status == 0.0f : answers[0][4 * k + 3] >= 0.0f;
+                answers[1][4 * k + 1] = d->status ? status : -1.0f;
+                answers[1][4 * k + 2] = steps;
+            }
+    }
+    gl.DeleteTextures(3, names);
+    if (gl.GetError() != 0) fail("%s: a GL error", r->name);
+}
+
+/* Exactly along the rim of a surface that ends at its outermost centres: the last bit decides whether it meets it. */
+static int on_rim(const struct truth_map *truth, const conemap_ray *ray)
+{
+    int k;
+    for (k = 0; k < 2; ++k) {
+        const float size = (float)(k ? truth->height : truth->width), place = ray->origin[k] * size;
+        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f && (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
+            return 1;
+    }
+    return 0;
+}
+
+static void run(const struct run *r)
+{
+    static const int sizes[2][2] = {{64, 48}, {17, 23}};
+    static float heights[64 * 64];
+    static GLuint targets[2], ray_textures[2], frame;
+    static int es_of_targets = -1;
+    const int es = r->desc.dialect >= CONEMAP_ESSL_300;
+    struct zoo_random random = zoo_seed(99);
+    struct compare_counts counts;
+    conemap_shader_desc desc = r->desc;
+    struct run here = *r;
+    GLuint p = 0;
+    int kind, k, size;
+    memset(&counts, 0, sizeof counts);
+    if (es != es_of_targets) {
+        const GLenum both[2] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
+        context(es);
+        es_of_targets = es;
+        gl.GenFramebuffers(1, &frame);
+        gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
+        for (k = 0; k < 2; ++k) {
+            targets[k] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, NULL);
+            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + (GLenum)k, GL_TEXTURE_2D, targets[k], 0);
+        }
+        gl.DrawBuffers(2, both);
+        if (gl.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
+            printf("no float targets\n");
+            exit(77);
+        }
+    }
+    for (kind = 0; kind < ZOO_KINDS; ++kind) {
+        conemap_desc build_desc;
+        conemap_map map;
+        struct truth_map truth;
+        size = desc.fixed_size ? 0 : kind & 1;
+        memset(&build_desc, 0, sizeof build_desc);
+        zoo_fill(kind, sizes[size][0], sizes[size][1], 23, heights);
+        build_desc.heights.pixels = heights;
+        build_desc.heights.width = sizes[size][0];
+        build_desc.heights.height = sizes[size][1];
+        build_desc.wrap_u = desc.map.wrap_u;
+        build_desc.wrap_v = desc.map.wrap_v;
+        build_desc.aspect = desc.map.aspect;
+        build_desc.max_tan = desc.map.max_tan;
+        build_desc.texture = desc.map.texture;
+        build_desc.generator = r->generator;
+        build_desc.keep_pyramid = 1;
+        if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
+            fail("%s: build", r->name);
+            return;
+        }
+        if (!p) {
+            const int fixed = desc.fixed_size;
+            here.desc.map = map.info;
+            here.desc.fixed_size = fixed;
+            p = build(&here);
+        }
+        truth.width = map.info.width;
+        truth.height = map.info.height;
+        truth.wrap_u = (int)map.info.wrap_u;
+        truth.wrap_v = (int)map.info.wrap_v;
+        truth.heights = map.heights;
+        for (k = 0; k < RAYS; ++k) {
+            do rays[k] = compare_ray(&random, truth.width, truth.height, k);
+            while (on_rim(&truth, &rays[k]) || ((truth.wrap_u == 1 || truth.wrap_v == 1) && rays[k].direction[2] > -0.01f && rays[k].direction[2] < 0.01f));
+            if (desc.t_range) {
+                rays[k].t_min = 0.1f;
+                rays[k].t_max = 0.7f;
+            }
+            memcpy(rays_o + 4 * k, rays[k].origin, 12);
+            memcpy(rays_d + 4 * k, rays[k].direction, 12);
+            rays_o[4 * k + 3] = rays[k].t_min;
+            rays_d[4 * k + 3] = rays[k].t_max;
+        }
+        ray_textures[0] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, rays_o);
+        ray_textures[1] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, rays_d);
+        draw(&here, p, &map, targets, ray_textures);
+        gl.DeleteTextures(2, ray_textures);
+        for (k = 0; k < RAYS; ++k) {
+            struct shader_hit hit;
+            hit.found = answers[1][4 * k] > 0.5f;
+            hit.status = desc.status ? (int)answers[1][4 * k + 1] : -1;
+            hit.steps = (int)answers[1][4 * k + 2];
+            hit.t = answers[0][4 * k + 3];
+            memcpy(hit.position, answers[0] + 4 * k, 12);
+            if (desc.trace.any_hit) {
+                conemap_hit cpu;
+                conemap_trace(&map, &desc.trace, &rays[k], &cpu, 1);
+                ++counts.rays;
+                counts.hits += hit.found;
+                counts.different += hit.found != (cpu.status == CONEMAP_HIT);
+            } else {
+                compare_hit(&map, &truth, &desc.trace, &rays[k], &hit, &counts);
+            }
+        }
+        conemap_free(&map);
+    }
+    gl.DeleteProgram(p);
+    ++runs_done;
+    total.rays += counts.rays;
+    total.different += counts.different;
+    total.strict_misses += counts.strict_misses;
+    total.misses += counts.misses;
+    printf("%-40s %6d rays, %6d hits, %3d differ, %2d not on an edge, misses: %d by 2^-20, %d beyond single precision\n", r->name, counts.rays,
+           counts.hits, counts.different, counts.unexplained, counts.strict_misses, counts.misses);
+    fflush(stdout);
+    if (r->count_only) return;
+    if (counts.hits < counts.rays / 5) fail("%s: too few hits", r->name);
+    if (counts.different * 1000 > counts.rays) fail("%s: %d of %d rays differ", r->name, counts.different, counts.rays);
+    if (counts.unexplained) fail("%s: %d rays differ and lie on no edge", r->name, counts.unexplained);
+    if (counts.misses) fail("%s: %d misses", r->name, counts.misses);
+}
+
+static struct run fresh(const char *format, ...)
+{
+    static char names[256][48];
+    static int used;
+    struct run r;
+    va_list arguments;
+    memset(&r, 0, sizeof r);
+    va_start(arguments, format);
+    vsnprintf(names[used % 256], 48, format, arguments);
+    va_end(arguments);
+    r.name = names[used++ % 256];
+    r.desc.dialect = CONEMAP_GLSL_450;
+    r.desc.status = r.desc.steps = 1;
+    return r;
+}
+
+int main(void)
+{
+    static const char *const tracers[] = {"", "exact", "linear", "fixed", "loop", "exact-step", "cell-max", "maxmip", "qdm"};
+    static const char *const refinements[] = {"none", "secant", "bisect"};
+    static const char *const filters[] = {"fetch", "gather", "hardware"};
+    static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8"};
+    static const char *const encodings[] = {"linear", "sqrt", "radius"};
+    static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300, CONEMAP_ESSL_310};
+    struct run r;
+    int k, m, n;
+    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
+    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
+        printf("no EGL display\n");
+        return 77;
+    }
+    for (k = 1; k < 9; ++k)
+        for (m = 0; m < 3; ++m)
+            for (n = 0; n < 3; ++n) { /* tracer x refinement x filter */
+                const int solves = k == CONEMAP_TRACE_EXACT || k >= CONEMAP_TRACE_MAXMIP;
+                if (solves && (m > 0 || n == CONEMAP_FILTER_HARDWARE)) continue;
+                r = fresh("%s, %s, %s", tracers[k], refinements[m], filters[n]);
+                r.desc.trace.tracer = (conemap_tracer)k;
+                r.desc.trace.refinement = (conemap_refinement)m;
+                r.desc.filter = (conemap_filter)n;
+                /* 200 equal steps from z = 1 meet the zoo's plateaus exactly, where the last bit decides; 197 do not. */
+                if (k == CONEMAP_TRACE_LINEAR) r.desc.trace.max_steps = 197;
+                run(&r);
+            }
+    for (k = 0; k < 9; ++k)
+        for (m = 1; m < 9; m += 3) { /* wraps, on a tracer of each family */
+            const int tracer = m == 1 ? CONEMAP_TRACE_EXACT : m == 4 ? CONEMAP_TRACE_CELL_MAX : CONEMAP_TRACE_MAXMIP;
+            r = fresh("wraps %d %d, %s", k / 3, k % 3, tracers[tracer]);
+            r.desc.trace.tracer = (conemap_tracer)tracer;
+            r.desc.map.wrap_u = (conemap_wrap)(k / 3);
+            r.desc.map.wrap_v = (conemap_wrap)(k % 3);
+            run(&r);
+        }
+    for (k = 0; k < 4; ++k)
+        for (m = 0; m < 3; ++m) {
+            r = fresh("%s, %s", formats[k], encodings[m]);
+            r.desc.map.texture.format = (conemap_format)k;
+            r.desc.map.texture.encoding = (conemap_encoding)m;
+            r.desc.map.max_tan = m == 2 ? 0.75f : 0.0f;
+            run(&r);
+        }
+    for (k = 0; k < 2; ++k)
+        for (m = 0; m < 3; ++m)
+            for (n = 0; n < 2; ++n) {
+                r = fresh("layout %d%s, %s", k + 1, n ? ", per cell" : "", filters[m]);
+                r.desc.map.texture.layout = k ? CONEMAP_DUMMER : CONEMAP_CONE_ONLY;
+                r.desc.map.texture.encoding = k ? CONEMAP_SQRT : CONEMAP_LINEAR;
+                r.desc.map.texture.per_cell = n;
+                r.desc.filter = (conemap_filter)m;
+                if (m == CONEMAP_FILTER_HARDWARE) r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
+                run(&r);
+            }
+    for (k = 0; k < 5; ++k)
+        for (m = 0; m < 3; ++m) {
+            static const char *const stages[] = {"functions", "fragment", "compute"};
+            const int old = all[k] == CONEMAP_GLSL_330 || all[k] == CONEMAP_ESSL_300;
+            if (m == CONEMAP_STAGE_COMPUTE && old) continue;
+            for (n = 0; n < 3; ++n) {
+                r = fresh("dialect %d, %s, %s", (int)all[k], stages[m], n == 0 ? "exact" : n == 1 ? "maxmip" : "t range");
+                r.desc.dialect = all[k];
+                r.desc.stage = (conemap_stage)m;
+                r.desc.trace.tracer = n == 1 ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_EXACT;
+                r.desc.t_range = n == 2;
+                if (n == 0) r.desc.status = r.desc.steps = 0;
+                run(&r);
+            }
+        }
+    for (k = 0; k < 13; ++k) {
+        static const char *const names[] = {"fixed size", "atlas", "array", "run-time cap", "names", "external", "host fetch", "relaxed",
+                                            "aspect", "adaptive loop", "step scale", "any hit", "any hit, maxmip"};
+        r = fresh("%s", names[k]);
+        if (k == 0) {
+            r.desc.fixed_size = 1;
+        } else if (k == 1) {
+            r.desc.atlas = 1;
+        } else if (k == 2) {
+            r.desc.array = 1;
+        } else if (k == 3) {
+            r.desc.run_time_cap = 1;
+        } else if (k == 4) {
+            r.desc.prefix = "relief";
+            r.desc.map_name = "bumps";
+        } else if (k == 5) {
+            r.desc.external = 1;
+        } else if (k == 6) {
+            r.desc.fetch = "host_fetch";
+        } else if (k == 7) {
+            r.generator = CONEMAP_RELAXED_EXACT;
+        } else if (k == 8) {
+            r.desc.map.aspect = 0.4f;
+        } else if (k == 9) {
+            r.desc.trace.tracer = CONEMAP_TRACE_LOOP;
+            r.desc.trace.adaptive_steps = 1;
+            r.desc.trace.tolerance = 0.01f;
+        } else if (k == 10) {
+            r.desc.trace.step_scale = 0.7f;
+        } else {
+            r.desc.trace.any_hit = 1;
+            r.desc.status = r.desc.steps = 0;
+            if (k == 12) r.desc.trace.tracer = CONEMAP_TRACE_MAXMIP;
+        }
+        run(&r);
+    }
+    for (k = CONEMAP_TRACE_LINEAR; k <= CONEMAP_TRACE_CELL_MAX; ++k) { /* what coarse filter weights cost */
+        r = fresh("8-bit weights: %s", tracers[k]);
+        r.desc.trace.tracer = (conemap_tracer)k;
+        r.desc.trace.refinement = CONEMAP_REFINE_BISECT;
+        r.desc.filter = CONEMAP_FILTER_HARDWARE;
+        r.desc.fetch = "host_fetch";
+        r.count_only = 1;
+        if (k != CONEMAP_TRACE_LINEAR) run(&r);
+    }
+    printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single precision\n", runs_done, total.rays,
+           total.different, total.strict_misses, total.misses);
+    return failures != 0;
+}
