@@ -1079,6 +1079,19 @@ static const int32_t conemap__group_bit[16] = {1, 1 << 1, 1 << 2, 1 << 3, 1 << 4
 static const float conemap__group_x[16] = {0, 2, 0, 2, 4, 6, 4, 6, 0, 2, 0, 2, 4, 6, 4, 6};
 static const float conemap__group_y[16] = {0, 0, 2, 2, 0, 0, 2, 2, 4, 4, 6, 6, 4, 4, 6, 6};
 
+/* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one after
+   (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
+typedef struct conemap__quick_level {
+    float p[3], q[3];
+    int32_t node[3], full; /* full: finer levels have seen everything */
+} conemap__quick_level;
+
+/* The same for 16 columns. */
+typedef struct conemap__quick_columns {
+    float p[17][3][16], q[17][3][16];
+    int32_t node[17][3][16], full[17][16];
+} conemap__quick_columns;
+
 /* A block that may hold something steeper for some of the tile's groups, a bit for each. */
 typedef struct conemap__node {
     int k, x, y, groups;
@@ -1113,6 +1126,9 @@ typedef struct conemap__kernels {
     /* Maxima over n planes' rows, each shifted by so many columns; beyond a border it is repeated. */
     void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first, int count,
                          float *out);
+    /* [VB22] for up to 16 columns of a row: squared slopes, at least `least`. */
+    void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns, const conemap__quick_level *levels,
+                      const float *heights, float least, int count, float *out);
     /* Raises a tile's slopes to the steepest there is. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
 } conemap__kernels;
@@ -1120,7 +1136,8 @@ typedef struct conemap__kernels {
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
-      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__search_tile_##isa }
+      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__quick_row_##isa, \
+      conemap__search_tile_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -1781,47 +1798,30 @@ CONEMAP__INLINE int conemap__nearest_unseen(const conemap__blocks *b, int side, 
    its closest point. Algorithm 1 takes the closest point of the whole block; Algorithm 2 of what finer levels have
    not seen yet. That part of a diagonal block is an L: everything beyond the seen columns, or beyond the
    seen rows, so its closest point is the nearer of those two corners (the published code takes the far corner
-   where both hold, which is not conservative). The centre heuristic takes the middle of the block. */
-static float conemap__quick(const conemap_map *map, int i, int j, int improved, int center) {
-    conemap__window w = conemap__texel_window(map, i, j, 0);
-    const conemap_pyramid *pyramid = &map->build.texels;
-    float apex = conemap__height(map, i, j), s = map->build.least_slope2;
-    int seen_low_u = 0, seen_high_u = 0, seen_low_v = 0, seen_high_v = 0, k, a, b;
-    for (k = 0; k < pyramid->levels; ++k) {
-        conemap__blocks u = conemap__axis_blocks(map->info.width, map->info.wrap_u, i, k, w.low_u, w.high_u);
-        conemap__blocks v = conemap__axis_blocks(map->info.height, map->info.wrap_v, j, k, w.low_v, w.high_v);
-        if (seen_low_u <= w.low_u && seen_high_u >= w.high_u && seen_low_v <= w.low_v && seen_high_v >= w.high_v)
-            break;
-        for (b = 0; b < 3; ++b)
-            for (a = 0; a < 3; ++a) {
-                int unseen_u = 0, unseen_v = 0, has_u, has_v;
-                float dh, slope = 0.0f;
-                if ((a == 1 && b == 1) || u.low[a] > u.high[a] || v.low[b] > v.high[b]) continue;
-                dh = conemap__maxima(pyramid, k, v.node[b])[u.node[a]] - apex;
-                if (!(dh > 0.0f)) continue;
-                has_u = conemap__nearest_unseen(&u, a, seen_low_u, seen_high_u, &unseen_u);
-                has_v = conemap__nearest_unseen(&v, b, seen_low_v, seen_high_v, &unseen_v);
-                if (improved && !has_u && !has_v) continue;
-                if (center) {
-                    slope = conemap__slope2(map, dh, a == 1 ? 0.0f : u.center[a], b == 1 ? 0.0f : v.center[b]);
-                } else if (!improved) {
-                    slope = conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
-                                            (float)conemap__nearest(&v, b));
-                } else {
-                    if (has_u)
-                        slope = conemap__slope2(map, dh, (float)unseen_u, (float)conemap__nearest(&v, b));
-                    if (has_v)
-                        slope = conemap__max(slope, conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
-                                                                    (float)unseen_v));
-                }
-                s = conemap__max(s, slope);
-            }
-        seen_low_u = u.low[0] <= u.high[0] ? u.low[0] : u.low[1];
-        seen_high_u = u.low[2] <= u.high[2] ? u.high[2] : u.high[1];
-        seen_low_v = v.low[0] <= v.high[0] ? v.low[0] : v.low[1];
-        seen_high_v = v.low[2] <= v.high[2] ? v.high[2] : v.high[1];
+   where both hold, which is not conservative). The centre heuristic takes the middle of the block.
+   So a block's squared distance is the lesser of p + q' and q + p', where p is the distance along one axis to what is
+   unseen, q that to the whole block, and p', q' those of the other axis; what does not exist is far away. The other
+   algorithms have p = q. This writes one axis' share for the texel `at`, level by level. */
+static void conemap__quick_axis(int size, conemap_wrap wrap, int at, int levels, float texel, int improved, int center,
+                                conemap__quick_level *out) {
+    int low, high, seen_low = 0, seen_high = 0, k, side;
+    conemap__axis_window(size, wrap, at, 0, &low, &high);
+    for (k = 0; k < levels; ++k) {
+        conemap__blocks b = conemap__axis_blocks(size, wrap, at, k, low, high);
+        out[k].full = seen_low <= low && seen_high >= high;
+        for (side = 0; side < 3; ++side) {
+            int unseen = 0, exists = b.low[side] <= b.high[side];
+            float distance = center ? (side == 1 ? 0.0f : b.center[side]) : (float)conemap__nearest(&b, side);
+            distance *= texel;
+            out[k].node[side] = b.node[side];
+            out[k].p[side] = out[k].q[side] = exists ? distance * distance : CONEMAP__FAR;
+            if (!improved || center || !exists) continue;
+            distance = conemap__nearest_unseen(&b, side, seen_low, seen_high, &unseen) ? (float)unseen * texel : 1.0e19f;
+            out[k].p[side] = distance * distance;
+        }
+        seen_low = b.low[0] <= b.high[0] ? b.low[0] : b.low[1];
+        seen_high = b.low[2] <= b.high[2] ? b.high[2] : b.high[1];
     }
-    return s;
 }
 
 /* 1 / sqrt(s), at most max_tan, and less 2^-20 of itself. The errors of texel_u, the products, the sum, the
@@ -1835,9 +1835,6 @@ CONEMAP__INLINE float conemap__tangent(const conemap_map *map, float s) {
 static float conemap__generate(const conemap_map *map, int i, int j) {
     switch (map->info.generator) {
     case CONEMAP_RING: return conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
-    case CONEMAP_QUICK_NAIVE: return conemap__tangent(map, conemap__quick(map, i, j, 0, 0));
-    case CONEMAP_QUICK_NAIVE_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 0, 1));
-    case CONEMAP_QUICK_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 1, 1));
     case CONEMAP_RELAXED: return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
     case CONEMAP_RELAXED_SAMPLED:
         return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED_SAMPLED, i, j));
@@ -1847,7 +1844,7 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
         float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
-    default: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
+    default: return 0.0f; /* other generators work on rows */
     }
 }
 
@@ -2794,6 +2791,55 @@ static conemap_result conemap__search_rows(const conemap_map *map, conemap__sear
     return CONEMAP_OK;
 }
 
+/* Squared slopes become cones where they are. */
+static void conemap__tangent_rows(const conemap_map *map, int y0, int y1) {
+    int y;
+    for (y = y0; y < y1; ++y) {
+        float *row = map->build.plane + (size_t)y * (size_t)map->info.width;
+        const float *slopes = row;
+        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, map->info.width,
+                                                   row);
+    }
+}
+
+static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1) {
+    conemap__quick_level levels[CONEMAP__BAND][17], column[17];
+    conemap__quick_columns columns;
+    const conemap_info *info = &map->info;
+    int improved = info->generator == CONEMAP_QUICK || info->generator == CONEMAP_QUICK_CENTER;
+    int center = info->generator == CONEMAP_QUICK_NAIVE_CENTER || info->generator == CONEMAP_QUICK_CENTER;
+    int count = map->build.texels.levels, x, y, i, k, side, w = info->width;
+    for (y = y0; y < y1; ++y)
+        conemap__quick_axis(info->height, info->wrap_v, y, count, map->build.texel_v, improved, center, levels[y - y0]);
+    memset(&columns, 0, sizeof columns);
+    for (x = 0; x < w; x += 16) {
+        for (i = 0; i < 16 && x + i < w; ++i) {
+            conemap__quick_axis(w, info->wrap_u, x + i, count, map->build.texel_u, improved, center, column);
+            for (k = 0; k < count; ++k) {
+                columns.full[k][i] = column[k].full;
+                for (side = 0; side < 3; ++side) {
+                    columns.p[k][side][i] = column[k].p[side];
+                    columns.q[k][side][i] = column[k].q[side];
+                    columns.node[k][side][i] = column[k].node[side];
+                }
+            }
+        }
+        for (y = y0; y < y1; ++y) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            conemap__kernels_of(map->isa)->quick_row(&map->build.texels, &columns, levels[y - y0], map->heights + at,
+                                                     map->build.least_slope2, conemap__mini(16, w - x),
+                                                     map->build.plane + at);
+        }
+        if (x % 256 == 240 || x + 16 >= w) {
+            conemap_result result = conemap__report(map, CONEMAP__PASS_CONES,
+                                                    (double)y0 + (double)(y1 - y0) * (double)x / (double)w);
+            if (result != CONEMAP_OK) return result;
+        }
+    }
+    conemap__tangent_rows(map, y0, y1);
+    return CONEMAP_OK;
+}
+
 static conemap_result conemap__exact_rows(const conemap_map *map, int y0, int y1) {
     conemap__search search = conemap__make_search(map);
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
@@ -2806,11 +2852,7 @@ static conemap_result conemap__exact_rows(const conemap_map *map, int y0, int y1
                           map->build.plane + (size_t)y * (size_t)w);
     }
     result = conemap__search_rows(map, &search, y0, y1, map->build.plane);
-    for (y = y0; y < y1; ++y) {
-        float *row = map->build.plane + (size_t)y * (size_t)w;
-        const float *slopes = row;
-        kernels->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, w, row);
-    }
+    conemap__tangent_rows(map, y0, y1);
     return result;
 }
 
@@ -2968,6 +3010,8 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
                  : map->build.cell_slopes ? conemap__safe_band(map, job)
                  : map->info.generator == CONEMAP_EXACT
                      ? conemap__exact_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h))
+                 : conemap__needs_pyramid(map->info.generator)
+                     ? conemap__quick_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h))
                      : conemap__cone_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
         break;
     case CONEMAP__PASS_STORE:
@@ -5062,6 +5106,36 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, c
         for (k = 0; k < n; ++k)
             best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 1, 0.0f));
         CONEMAP__KERNEL(store)(out + x, best, count - x);
+    }
+}
+
+/* See conemap__quick_axis. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns,
+                                                  const conemap__quick_level *levels, const float *heights, float least,
+                                                  int count, float *out) {
+    int i, k, a, b;
+    for (i = 0; i < count; i += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(heights + i, count - i), s = CONEMAP__F1(least);
+        for (k = 0; k < pyramid->levels; ++k) {
+            CONEMAP__M open = CONEMAP__IEQ(CONEMAP__LOADI(columns->full[k] + i), CONEMAP__I1(0));
+            if (levels[k].full && !CONEMAP__ANY(open)) break;
+            for (b = 0; b < 3; ++b) {
+                const float *row = conemap__maxima(pyramid, k, levels[k].node[b]);
+                if (levels[k].q[b] >= CONEMAP__FAR) continue; /* no such block */
+                for (a = 0; a < 3; ++a) {
+                    CONEMAP__F dh, d2, other;
+                    if (a == 1 && b == 1) continue;
+                    dh = CONEMAP__SUB(CONEMAP__GATHERF(row, CONEMAP__LOADI(columns->node[k][a] + i)), apex);
+                    dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
+                    d2 = CONEMAP__ADD(CONEMAP__LOADF(columns->p[k][a] + i), CONEMAP__F1(levels[k].q[b]));
+                    other = CONEMAP__ADD(CONEMAP__LOADF(columns->q[k][a] + i), CONEMAP__F1(levels[k].p[b]));
+                    d2 = CONEMAP__DIV(CONEMAP__MUL(dh, dh), CONEMAP__MIN(d2, other));
+                    if (levels[k].full) d2 = CONEMAP__PICK(open, d2, CONEMAP__F1(0.0f));
+                    s = CONEMAP__MAX(s, d2);
+                }
+            }
+        }
+        CONEMAP__KERNEL(store)(out + i, s, count - i);
     }
 }
 
