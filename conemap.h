@@ -113,7 +113,7 @@ extern "C" {
    so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones are
    1 / sqrt(s), less 2^-20 of themselves for the rounding of their arithmetic, where s is the maximum over vertices of the
    rounded quotient fl(dh^2 / d^2). Bilinear cones come from bounds at most 5.4 % above the true supremum, less 2^-16 (see
-   SAFE CONES). max_tan caps all of them.
+   SAFE CONES); with sectors, less 2^-12. max_tan caps all of them.
 
    A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
    reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
@@ -263,6 +263,11 @@ typedef struct conemap_texture {
     int flip_dv;            /* CONEMAP_DUMMER: nonzero negates dh/dv, for v pointing up */
     int per_cell;           /* nonzero: one cone for each bilinear cell, wider and fetched without filtering: texel
                                floor(uv * size - 0.5), clamped or wrapped. For the bilinear guarantee; not with RADIUS */
+    int sectors;            /* 0 or 1: a cone for all directions. 4 or 8: one for each sector of horizontal directions,
+                               which holds nothing in the directions of its sector (see conemap_sector): wider, for a ray
+                               meets nothing else. In sectors / 4 RGBA textures, the heights in one of their own. With
+                               CONEMAP_EXACT; not with CONEMAP_DUMMER. Steps of grazing rays, of those with 1: 4 takes
+                               0.5 to 0.8, 8 takes 0.4 to 0.7 */
 } conemap_texture;
 
 /* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
@@ -339,7 +344,8 @@ typedef struct conemap_pyramid {
 typedef struct conemap_map {
     conemap_info info;
     const float *heights;   /* width * height, row 0 first, as a texture fetch returns them */
-    const float *cones;     /* width * height, encoded, as a texture fetch returns them: see conemap_decode */
+    const float *cones;     /* width * height, encoded, as a texture fetch returns them: see conemap_decode. With
+                               texture.sectors so many of these planes, sector 0 first */
     conemap_pyramid cells;  /* maxima over bilinear cells, with keep_pyramid */
     float highest;          /* of the heights */
     size_t memory_size;     /* bytes held */
@@ -491,6 +497,14 @@ CONEMAP_API conemap_result conemap_end(conemap_map *map);
    T E X T U R E S
    ====================================================================================================== */
 
+/* The sector of a horizontal direction in a map with texture.sectors: whose cones a ray that flies so reads. With 4
+       sector = (du < 0 ? 1 : 0) + (dv < 0 ? 2 : 0)
+   is channel `sector` of texture 0. With 8, each of these quadrants is cut in two along the diagonal of a texel:
+       sector += |dv| * height > |du| * width ? 4 : 0
+   is channel sector % 4 of texture sector / 4. On the border of two sectors either will do. 0 if info is null or has no
+   sectors. */
+CONEMAP_API int conemap_sector(const conemap_info *info, float du, float dv);
+
 /* The bytes of one row, and the texture's bytes at a row pitch (0: rows touch). 0 if map is null or empty, or
    the pitch is below a row. The last row takes a whole pitch too. */
 CONEMAP_API size_t conemap_row_size(const conemap_map *map);
@@ -501,6 +515,15 @@ CONEMAP_API size_t conemap_texture_size(const conemap_map *map, size_t row_pitch
    below a row), BUFFER, OVERFLOW. */
 CONEMAP_API conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
                                                  size_t row_pitch);
+
+/* The same for maps of several textures: how many there are (0 for a null or empty map), and texture `index` of them.
+   With texture.sectors these are sectors / 4 of cones, then the heights unless CONEMAP_CONE_ONLY; otherwise the one.
+   The functions above are those of index 0. A size is 0, and the error PARAMETER, if there is no such texture. */
+CONEMAP_API int conemap_texture_count(const conemap_map *map);
+CONEMAP_API size_t conemap_row_size_at(const conemap_map *map, int index);
+CONEMAP_API size_t conemap_texture_size_at(const conemap_map *map, int index, size_t row_pitch);
+CONEMAP_API conemap_result conemap_write_texture_at(const conemap_map *map, int index, void *pixels, size_t size,
+                                                    size_t row_pitch);
 
 /* Bakes the info and the texture into bytes that any machine reads back (little-endian, rows touch).
    conemap_save_size returns the bytes needed, 0 for a null or empty map. Errors: NULL, BUFFER. */
@@ -528,13 +551,16 @@ typedef struct conemap_format_numbers {
 } conemap_format_numbers;
 CONEMAP_API conemap_result conemap_get_format_numbers(const conemap_texture *texture,
                                                       conemap_format_numbers *numbers);
+/* The same of texture `index`: see conemap_texture_count. */
+CONEMAP_API conemap_result conemap_get_format_numbers_at(const conemap_texture *texture, int index,
+                                                         conemap_format_numbers *numbers);
 
 /* ======================================================================================================
    S A M P L I N G
    ====================================================================================================== */
 
 /* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does; with
-   per_cell the cell's own.
+   per_cell the cell's own; with sectors the narrowest of them.
    On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
    CONEMAP_NOTHING. Errors: NULL, POSITION. */
 CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
@@ -557,9 +583,12 @@ typedef struct conemap_report {
    apices against whole rectangles of the surface, not by sampling. A cell is safe if for every apex p in it and
    every point q of the surface
        (height(q) - height(p) - 2^-20) tan(p) <= |q - p|
-   with tan(p) as conemap_sample_at gives it, but for that sampler's rounding, which the 2^-20 is there for.
+   with tan(p) as conemap_sample_at gives it, but for that sampler's rounding, which the 2^-20 is there for. With sectors,
+   each sector's tan(p) has to hold for those q that it sees; with 8 of them and CLAMP or an axis of one texel, for
+   those that its quadrant sees where p or q lies in a border cell.
 
-   info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each,
+   info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each (cones:
+   as many planes as sectors),
    row 0 first, as a texture fetch returns them (cones encoded), of our maps or of anybody's:
        conemap_verify(&map.info, map.heights, map.cones, NULL, &report);
    allocator: null for the default; under 2 bytes a texel (up to 9 on maps of one row or column) are held.
@@ -1575,6 +1604,99 @@ static conemap__window conemap__texel_window(const conemap_map *map, int i, int 
     return w;
 }
 
+/* ---- sectors of directions: see conemap_sector ----------------------------------------------------------------
+
+   Offsets are turned so that their quadrant is the first. An octant takes from it what is no farther along the minor
+   axis than along the major one, in whole texels, so that every test is exact. */
+
+typedef struct conemap__sector {
+    int su, sv;     /* signs of the quadrant; 0: all directions */
+    int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
+} conemap__sector;
+
+CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
+
+static conemap__sector conemap__make_sector(const conemap_info *info, int number) {
+    conemap__sector sector;
+    memset(&sector, 0, sizeof sector);
+    if (conemap__planes(info) == 1) return sector;
+    sector.su = number & 1 ? -1 : 1;
+    sector.sv = number & 2 ? -1 : 1;
+    if (conemap__planes(info) == 8) sector.major = number & 4 ? 2 : 1;
+    return sector;
+}
+
+CONEMAP__INLINE int conemap__sector_number(const conemap_info *info, double du, double dv) {
+    int number = (du < 0.0 ? 1 : 0) + (dv < 0.0 ? 2 : 0);
+    double x = (du < 0.0 ? -du : du) * (double)info->width, y = (dv < 0.0 ? -dv : dv) * (double)info->height;
+    if (conemap__planes(info) == 1) return 0;
+    return conemap__planes(info) == 8 && y > x ? number + 4 : number;
+}
+
+CONEMAP__DEF int conemap_sector(const conemap_info *info, float du, float dv) {
+    return info ? conemap__sector_number(info, (double)du, (double)dv) : 0;
+}
+
+/* Do texels low..high of an axis reach one of the two on either border of CLAMP? Along an axis of one texel all do. What
+   lies in the outer half texel is seen by its projection onto the border, which keeps the quadrant of a direction but
+   not the octant. So border cells, and the vertices that they have, count for their whole quadrant. */
+CONEMAP__INLINE int conemap__by_border(int low, int high, int size, conemap_wrap wrap) {
+    return size == 1 || (wrap == CONEMAP_CLAMP && (low <= 1 || high >= size - 2));
+}
+
+CONEMAP__INLINE int conemap__texels_by_border(const conemap_info *info, int low_i, int high_i, int low_j, int high_j) {
+    return conemap__by_border(low_i, high_i, info->width, info->wrap_u) ||
+           conemap__by_border(low_j, high_j, info->height, info->wrap_v);
+}
+
+/* Is cell (i, j), by its lower corner, a border cell or one outside? */
+CONEMAP__INLINE int conemap__border_cell(const conemap_info *info, int i, int j) {
+    return conemap__by_border(i + 1, i, info->width, info->wrap_u) ||
+           conemap__by_border(j + 1, j, info->height, info->wrap_v);
+}
+
+/* Do offsets x0..x1, y0..y1 meet the sector? An octant has `room` texels beyond its diagonal, and the whole quadrant with
+   `whole`. *dx, *dy: the nearest offset of those. */
+CONEMAP__INLINE int conemap__meets(conemap__sector sector, int room, int whole, int x0, int x1, int y0, int y1, int *dx,
+                                   int *dy) {
+    int far_x = sector.su > 0 ? x1 : -x0, far_y = sector.sv > 0 ? y1 : -y0;
+    *dx = conemap__maxi(sector.su > 0 ? x0 : -x1, 0);
+    *dy = conemap__maxi(sector.sv > 0 ? y0 : -y1, 0);
+    if (far_x < 0 || far_y < 0) return 0;
+    if (sector.major == 0 || whole) return 1;
+    if (sector.major == 1) {
+        *dx = conemap__maxi(*dx, *dy - room);
+        return *dx <= far_x;
+    }
+    *dy = conemap__maxi(*dy, *dx - room);
+    return *dy <= far_y;
+}
+
+/* Does a flight from vertex (k, l) to cell (i, j) lie in the sector, or with sign -1 one from the cell to the vertex? A
+   cell lies in one quadrant; the diagonal's cells are in both octants. */
+CONEMAP__INLINE int conemap__sees_cell(const conemap_map *map, conemap__sector sector, int i, int j, int k, int l,
+                                       float sign) {
+    int x = sign > 0.0f ? i - k : k - i - 1, y = sign > 0.0f ? j - l : l - j - 1;
+    if (sector.su == 0) return 1;
+    x = sector.su > 0 ? x : -x - 1;
+    y = sector.sv > 0 ? y : -y - 1;
+    if (x < 0 || y < 0) return 0;
+    return sector.major == 0 || (sector.major == 1 ? x >= y : y >= x) || conemap__border_cell(&map->info, i, j) ||
+           conemap__texels_by_border(&map->info, k, k, l, l);
+}
+
+/* The square of the steepest ascent of gradient (x, y) within the first quadrant, or the octant of it along `major`, for
+   texels of a by b. */
+static double conemap__ascent2(int major, double x, double y, double a, double b) {
+    double along = major == 1 ? x : y, diagonal = x * a + y * b;
+    if (major != 0 && !(x >= 0.0 && y >= 0.0 && (major == 1 ? y * a <= x * b : y * a >= x * b))) {
+        along = along > 0.0 ? along * along : 0.0;
+        diagonal = diagonal > 0.0 ? diagonal * diagonal / (a * a + b * b) : 0.0;
+        return along > diagonal ? along : diagonal;
+    }
+    return (x > 0.0 ? x * x : 0.0) + (y > 0.0 ? y * y : 0.0);
+}
+
 /* fl(dh^2 / d^2) for offsets in texels. */
 CONEMAP__INLINE float conemap__slope2(const conemap_map *map, float dh, float di, float dj) {
     float x = di * map->build.texel_u, y = dj * map->build.texel_v;
@@ -1710,7 +1832,8 @@ static conemap__search conemap__make_search(const conemap_map *map) {
 
 #define CONEMAP__RUN 256 /* texels worked on at a time, on the stack */
 enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
-CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int x, int y, int what);
+CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what);
+CONEMAP__INLINE int conemap__bands(const conemap_map *map);
 
 /* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
 static void conemap__search_tile(const conemap_map *map, conemap__search *search, int x0, int y0, float *slopes) {
@@ -1723,7 +1846,7 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
         tile.slope2[k] = map->build.least_slope2;
         tile.decider[k] = 0;
         tile.lane_folded[k] = 0.0f;
-        if (x >= w || y >= h || !conemap__is_wanted(map, x, y, CONEMAP__SEARCH)) continue;
+        if (x >= w || y >= h || !conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
         tile.height[k] = conemap__height(map, x, y);
         tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
         any = 1;
@@ -1745,6 +1868,145 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
         search->seed_x[search->seeds] = tile.noted_x[n];
         search->seed_y[search->seeds++] = tile.noted_y[n];
     }
+}
+
+/* ---- the search in one sector of directions, texel by texel -----------------------------------------------------
+
+   The same by itself for each texel, for a sector cuts through tiles and blocks. What slack prunes is folded in. */
+
+/* A block that may hold something steeper, waiting its turn: dh^2 of its maximum and d^2 of its nearest texel. */
+typedef struct conemap__candidate {
+    float dh2, d2;
+    int x, y, k;
+} conemap__candidate;
+
+/* One search after another, by one job. */
+typedef struct conemap__sector_search {
+    conemap__search common;
+    conemap__sector sector; /* where it looks */
+    int room;           /* eight sectors: 1 where a texel stands for the cells around it, 0 for vertex cones */
+    int by_border;      /* the texel looks over its whole quadrant */
+    float folded;       /* the steepest bound that was pruned by slack alone */
+    int best_i, best_j; /* what decided the last texel: neighbours often agree */
+} conemap__sector_search;
+
+/* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As conemap__meets. */
+CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i, int high_i,
+                                          int low_j, int high_j, int i, int j, int *dx, int *dy) {
+    int whole = search->sector.major != 0 && search->room &&
+                (search->by_border || conemap__texels_by_border(&map->info, low_i, high_i, low_j, high_j));
+    return conemap__meets(search->sector, search->room, whole, low_i - i, high_i - i, low_j - j, high_j - j, dx, dy);
+}
+
+/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded in. */
+CONEMAP__INLINE int conemap__may_beat(conemap__sector_search *search, float dh2, float d2, float s) {
+    float bar = s * d2 * CONEMAP__MARGIN;
+    const conemap__search *common = &search->common;
+    if (!(dh2 > bar)) return 0;
+    if (common->widen2 > 1.0f && d2 > 0.0f && d2 + common->deflate >= common->near2 && !(dh2 > bar * common->widen2)) {
+        search->folded = conemap__max(search->folded, dh2 / d2);
+        return 0;
+    }
+    return 1;
+}
+
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
+   texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
+static int conemap__push_seen(const conemap_map *map, conemap__sector_search *search, int k, int x, int y, int i, int j,
+                              float apex, float s, int skip, conemap__candidate *out) {
+    const conemap_pyramid *pyramid = &map->build.texels;
+    int size = 1 << k, c, count = 0;
+    int near_x = i >= size * (2 * x + 1), near_y = j >= size * (2 * y + 1);
+    for (c = 3; c >= 0; --c) {
+        int across = 2 * x + ((c & 1) ^ near_x), down = 2 * y + ((c >> 1) ^ near_y), left = size * across;
+        int low = size * down, di, dj;
+        float dh, dx, dy, d2;
+        if (across >= pyramid->width[k] || down >= pyramid->height[k]) continue;
+        dh = conemap__maxima(pyramid, k, down)[across] - apex;
+        if (!(dh > 0.0f) || 2 * (down & 1) + (across & 1) == skip ||
+            !conemap__search_meets(map, search, left, left + size - 1, low, low + size - 1, i, j, &di, &dj))
+            continue;
+        dx = (float)di * search->common.a;
+        dy = (float)dj * search->common.b;
+        d2 = dx * dx + dy * dy - search->common.deflate;
+        if (!conemap__may_beat(search, dh * dh, d2, s)) continue;
+        out[count].dh2 = dh * dh;
+        out[count].d2 = d2;
+        out[count].x = across;
+        out[count].y = down;
+        out[count].k = k;
+        ++count;
+    }
+    return count;
+}
+
+/* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i, j). */
+static float conemap__open_seen(const conemap_map *map, conemap__sector_search *search, int i, int j, int shift_i,
+                                int shift_j, float apex, float s, conemap__candidate *stack, int count) {
+    while (count > 0) {
+        conemap__candidate c = stack[--count];
+        float slope2;
+        if (!conemap__may_beat(search, c.dh2, c.d2, s)) continue;
+        if (c.k > 0) {
+            count += conemap__push_seen(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1, stack + count);
+            continue;
+        }
+        if (c.d2 + search->common.deflate < search->common.near2) continue; /* left to conemap__near_row */
+        slope2 = c.dh2 / c.d2;
+        if (slope2 > s) {
+            s = slope2;
+            search->best_i = c.x + shift_i;
+            search->best_j = c.y + shift_j;
+        }
+    }
+    return s;
+}
+
+/* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image decides.
+   In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow maps), unless
+   nothing so far away can beat s. */
+static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex, float s) {
+    int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
+    float period = (float)size * (along_v ? search->common.b : search->common.a);
+    float room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - apex, reach;
+    if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
+    if (search->sector.major == 0 || !(period > 0.0f)) return 1;
+    reach = sqrtf(room * room / s + search->common.deflate) * 1.0001f / period;
+    return 1 + (int)conemap__min(reach, (float)(2 + other / size));
+}
+
+/* The steepest squared slope that texel (i, j) sees in the sector; s is what is known. */
+static float conemap__search_sector(const conemap_map *map, conemap__sector_search *search, int i, int j, float s) {
+    conemap__candidate stack[3 * 17 + 4];
+    const conemap_info *info = &map->info;
+    int levels = map->build.texels.levels, w = info->width, h = info->height, k, a, b, images_u, images_v, di, dj;
+    float apex = conemap__height(map, i, j), dh;
+    search->folded = 0.0f;
+    search->by_border = search->sector.major != 0 && conemap__texels_by_border(info, i, i, j, j);
+    if ((search->best_i != i || search->best_j != j) &&
+        conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j, search->best_j, i, j, &di, &dj)) {
+        float x = (float)(search->best_i - i) * search->common.a, y = (float)(search->best_j - j) * search->common.b;
+        float d2 = x * x + y * y;
+        dh = conemap__height(map, conemap__texel_index(search->best_i, w, info->wrap_u),
+                             conemap__texel_index(search->best_j, h, info->wrap_v)) - apex;
+        if (dh > 0.0f && d2 > 0.0f && d2 >= search->common.near2)
+            s = conemap__max(s, dh * dh / (d2 - search->common.deflate));
+    }
+    for (k = 0; k + 1 < levels; ++k) {
+        int own = (j >> k & 1) << 1 | (i >> k & 1);
+        int count = conemap__push_seen(map, search, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
+        s = conemap__open_seen(map, search, i, j, 0, 0, apex, s, stack, count);
+    }
+    images_u = conemap__images(map, search, 0, apex, s);
+    images_v = conemap__images(map, search, 1, apex, s);
+    for (b = -images_v; b <= images_v; ++b)
+        for (a = -images_u; a <= images_u; ++a) {
+            int count;
+            if ((a == 0 && b == 0) || a * search->sector.su < 0 || b * search->sector.sv < 0) continue;
+            count = conemap__push_seen(map, search, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
+            s = conemap__open_seen(map, search, i, j, a * w, b * h, apex, s, stack, count);
+        }
+    return conemap__max(s, search->folded);
 }
 
 /* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
@@ -1889,7 +2151,23 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
    8. Rounding. Absolute: dh is off by 2^-25 and each of at most 12 halvings adds 2^-25, the shader's own height 2^-23:
       together less than d. Relative: coordinates, squares and quotient are off by less than 2^-18 in D^2 and dh^2,
       D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and the
-      sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off. */
+      sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off.
+
+   Sectors. A sector is a closed convex cone of directions r in texels, and the claim is made for q - p in it.
+   1. holds as it is: r is fixed, then only scaled, so it stays in the sector.
+   2. becomes the steepest ascent in the sector's directions. Of a quadrant, with both axes turned to it, the positive parts
+      of the largest h_x and h_y; in an octant, where that ascent leads out, it is the steeper one of the axis and the diagonal.
+   3. u's own cell in the quadrant is the only one; an octant has one of its two far edges.
+   4. as it is, for patches that are met: from a vertex a patch lies in one closed quadrant, on the diagonal in two octants.
+      P seen from v is met if v - p is in the sector.
+   5. A corner counts if a patch it belongs to may be met: in the quadrant, border included, and in an octant up to one
+      texel beyond its diagonal. Then all corners of a patch that is met count, and the one with the largest bound finds it.
+      A border that does not wrap is the edge of cells on one side only, so the missing ones are added, level across: they
+      have the edge's heights, farther away.
+   7. A projection may turn r from one octant into the other, not out of its quadrant. So where p or q lies in a border cell
+      of CLAMP, or in a map of one row or column, octants count as quadrants: for patches, vertices and gradients there.
+   Wrapping: an image a whole period farther is met in the same quadrant and less steep, and in an octant along its minor
+   axis. Along the major axis conemap__images goes on until the octant is wide enough to have held an image of everything. */
 
 #define CONEMAP__BAND 16      /* rows of a cone job */
 #define CONEMAP__LONGEST 8.0f /* texels longer than this count as so long */
@@ -1900,6 +2178,9 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
 typedef struct conemap__band {
     const conemap_map *map;
     int y0, y1;
+    conemap__sector sector;
+    float *plane, *cell_slopes; /* the sector's */
+    int number;                 /* of the sector */
     float a, b, deflate;        /* texel size; V */
     int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
 } conemap__band;
@@ -1914,33 +2195,53 @@ CONEMAP__INLINE int conemap__inner_cell(int i, int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP || (i >= 0 && i < conemap__maxi(size - 1, 1));
 }
 
+/* With sectors there is one cell more beyond each border, level across: it stands for the border's edge in the sectors
+   that lead out, and beyond. */
 CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
+    if (map->info.texture.sectors > 1)
+        return (map->info.wrap_u == CONEMAP_WRAP || (i >= -1 && i < map->info.width)) &&
+               (map->info.wrap_v == CONEMAP_WRAP || (j >= -1 && j < map->info.height));
     return conemap__inner_cell(i, map->info.width, map->info.wrap_u) &&
            conemap__inner_cell(j, map->info.height, map->info.wrap_v);
 }
 
-/* Raises the slope of cell (i, j), if this band has its row. */
+/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its cone. */
+CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int per_cell) {
+    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
+}
+
+/* Does this band have the row of cell (i, j)? */
+CONEMAP__INLINE int conemap__has_cell(const conemap__band *band, int i, int j) {
+    const conemap_info *info = &band->map->info;
+    (void)i;
+    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
+    return j >= band->y0 && j < band->y1;
+}
+
+/* Raises the slope of a cell that the band has. */
 CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j, float slope2) {
-    int w = band->map->info.width;
+    const conemap_info *info = &band->map->info;
     float *at;
-    if (j < band->y0 || j >= band->y1) return;
-    at = &band->map->build.cell_slopes[(size_t)j * (size_t)w + (size_t)conemap__repeat(i, w)];
+    i = conemap__repeat(conemap__cell_place(i, info->width, info->wrap_u, info->texture.per_cell), info->width);
+    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
+    at = &band->cell_slopes[(size_t)j * (size_t)info->width + (size_t)i];
     *at = conemap__max(*at, slope2);
 }
 
 /* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with per_cell: of
    what rows y0 to y1 know. At most 13. */
-static int conemap__collect(const conemap_map *map, int j, int y0, int y1, const float **rows, int *columns) {
+static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows, int *columns) {
     int h = map->info.height, r, c, n = 0, cells = map->info.texture.per_cell != 0;
+    size_t first = (size_t)sector * conemap__texels(map);
     for (r = cells ? 0 : -1; r <= 1; ++r) {
         int y = conemap__texel_index(j + r, h, map->info.wrap_v);
         if (y < y0 || y >= y1) continue;
         for (c = cells ? 0 : -1; c <= 1; ++c) {
-            rows[n] = map->build.plane + (size_t)y * (size_t)map->info.width;
+            rows[n] = map->build.plane + first + (size_t)y * (size_t)map->info.width;
             columns[n++] = c;
         }
         for (c = cells ? 0 : -1; c <= 0 && r <= 0; ++c) {
-            rows[n] = map->build.cell_slopes + (size_t)y * (size_t)map->info.width;
+            rows[n] = map->build.cell_slopes + first + (size_t)y * (size_t)map->info.width;
             columns[n++] = c;
         }
     }
@@ -1950,18 +2251,22 @@ static int conemap__collect(const conemap_map *map, int j, int y0, int y1, const
 /* Slope along an axis whose texels may have no length. */
 CONEMAP__INLINE float conemap__over(float rise, float length) { return length > 0.0f ? rise / length : 0.0f; }
 
-/* Step 2: the square of the longest gradient in cell (i, j). */
+/* Step 2: the square of the longest gradient in cell (i, j), or of the steepest ascent in the band's sector. */
 static float conemap__own_slope2(const conemap__band *band, int i, int j) {
-    const conemap_map *map = band->map;
-    float h00 = conemap__vertex(map, i, j), h10 = conemap__vertex(map, i + 1, j), slope2;
-    float above[2], below[2];
-    above[0] = h00;
-    above[1] = h10;
-    below[0] = conemap__vertex(map, i, j + 1);
-    below[1] = conemap__vertex(map, i + 1, j + 1);
-    conemap__gradient_row_scalar(above, below, 2, 0, band->a, band->b, above);
-    slope2 = above[0];
-    return slope2;
+    conemap__corners h = conemap__gather(band->map->heights, conemap__cell_quad(band->map, i, j));
+    float x0 = h.h10 - h.h00, x1 = h.h11 - h.h01, y0 = h.h01 - h.h00, y1 = h.h11 - h.h10, x, y;
+    if (band->sector.su != 0) {
+        float su = (float)band->sector.su, sv = (float)band->sector.sv;
+        /* a corner of this cell may be one of a border cell's, seen from inside */
+        int whole = conemap__texels_by_border(&band->map->info, i, i + 1, j, j + 1);
+        x = conemap__over(conemap__max(su * x0, su * x1), band->a);
+        y = conemap__over(conemap__max(sv * y0, sv * y1), band->b);
+        return (float)conemap__ascent2(whole ? 0 : band->sector.major, (double)x, (double)y, (double)band->a,
+                                       (double)band->b);
+    }
+    x = conemap__over(conemap__max(conemap__max(x0, -x0), conemap__max(x1, -x1)), band->a);
+    y = conemap__over(conemap__max(conemap__max(y0, -y0), conemap__max(y1, -y1)), band->b);
+    return x * x + y * y;
 }
 
 /* Step 3: an edge of length l at distance c, its ends `first` (at the foot of the perpendicular) and `last` above the
@@ -1983,6 +2288,14 @@ static float conemap__corner_slope2(const conemap__band *band, int i, int j, int
     float along = conemap__vertex(band->map, i + si, j) - apex, across = conemap__vertex(band->map, i, j + sj) - apex;
     float opposite = conemap__vertex(band->map, i + si, j + sj) - apex;
     float x = conemap__over(conemap__max(along, 0.0f), band->a), y = conemap__over(conemap__max(across, 0.0f), band->b);
+    int major = band->sector.major;
+    if (major != 0 && !conemap__texels_by_border(&band->map->info, i, i, j, j) &&
+        !conemap__border_cell(&band->map->info, conemap__mini(i, i + si), conemap__mini(j, j + sj))) {
+        float steep = (float)conemap__ascent2(major, (double)conemap__over(along, band->a),
+                                              (double)conemap__over(across, band->b), (double)band->a, (double)band->b);
+        return conemap__max(steep, major == 1 ? conemap__edge_slope2(along, opposite, band->b, band->a)
+                                              : conemap__edge_slope2(across, opposite, band->a, band->b));
+    }
     return conemap__max(x * x + y * y, conemap__max(conemap__edge_slope2(along, opposite, band->b, band->a),
                                                     conemap__edge_slope2(across, opposite, band->a, band->b)));
 }
@@ -2059,8 +2372,7 @@ static int conemap__outdone(const conemap__band *band, int i, int j, int k, int 
 
 /* Cell (i, j) as it is seen from vertex v. */
 static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj, float least) {
-    if (j >= band->y0 && j < band->y1)
-        conemap__raise_cell(band, i, j, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least));
+    if (conemap__has_cell(band, i, j)) conemap__raise_cell(band, i, j, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least));
 }
 
 /* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. `least` is
@@ -2073,11 +2385,13 @@ static float conemap__near_pair(const conemap__band *band, int ui, int uj, int v
         i = vi - (k & 1);
         j = vj - (k >> 1);
         if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, ui, uj) &&
+            conemap__sees_cell(band->map, band->sector, i, j, ui, uj, 1.0f) &&
             !conemap__outdone(band, i, j, ui, uj, 1.0f, bound))
             best = conemap__cell_slope2(band, i, j, ui, uj, 1.0f, best);
         i = ui - (k & 1);
         j = uj - (k >> 1);
         if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, vi, vj) &&
+            conemap__sees_cell(band->map, band->sector, i, j, vi, vj, -1.0f) &&
             !conemap__outdone(band, i, j, vi, vj, -1.0f, bound))
             conemap__raise_seen_cell(band, i, j, vi, vj, least);
     }
@@ -2094,7 +2408,8 @@ static float conemap__close_pairs(const conemap__band *band, int i, int j, float
             float y = (float)conemap__maxi(0, conemap__maxi(dj, -dj - 1)) * band->b, d2 = x * x + y * y;
             if (d2 == 0.0f || d2 >= near2) continue;
             /* a cell seen from this vertex */
-            if (conemap__cell_exists(band->map, i + di, j + dj))
+            if (conemap__cell_exists(band->map, i + di, j + dj) &&
+                conemap__sees_cell(band->map, band->sector, i + di, j + dj, i, j, 1.0f))
                 best = conemap__cell_slope2(band, i + di, j + dj, i, j, 1.0f, best);
             /* the mirrored offset: this vertex's cells, seen from the vertex there */
             for (k = 0; k < 4; ++k) {
@@ -2103,7 +2418,8 @@ static float conemap__close_pairs(const conemap__band *band, int i, int j, float
                 if ((band->map->info.wrap_u != CONEMAP_WRAP && (vi < 0 || vi >= band->map->info.width)) ||
                     (band->map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= band->map->info.height)))
                     continue;
-                conemap__raise_seen_cell(band, ci, cj, vi, vj, 0.0f);
+                if (conemap__sees_cell(band->map, band->sector, ci, cj, vi, vj, -1.0f))
+                    conemap__raise_seen_cell(band, ci, cj, vi, vj, 0.0f);
             }
         }
     return best;
@@ -2122,7 +2438,7 @@ static void conemap__known(const conemap__band *band, int j, int x, int count, i
         high = conemap__mini(high, map->info.height - 1);
     }
     for (r = low; r <= high; ++r) {
-        n = conemap__collect(map, r, band->y0, band->y1, rows, columns);
+        n = conemap__collect(map, band->number, r, band->y0, band->y1, rows, columns);
         if (n == 0) {
             memset(known[r - low], 0, sizeof known[0]);
             continue;
@@ -2178,8 +2494,8 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
         for (i = 0; i < count; ++i) {
             float apex, best = known[i], *at;
             if (!(bounds[i] > known[i])) continue;
-            if (!conemap__is_wanted(map, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
-            at = below ? NULL : &map->build.plane[(size_t)j * (size_t)w + (size_t)(x + i)];
+            if (!conemap__is_wanted(map, band->number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
+            at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
             apex = conemap__vertex(map, x + i, j);
             for (k = 0; k < near_ones->count; ++k) {
                 int vi = x + i + near_ones->x[k], vj = j + near_ones->y[k];
@@ -2285,12 +2601,6 @@ static float conemap__far_cell(const conemap__band *band, int i, int j, int ui, 
     }
     return s;
 }
-
-/* A block that may hold something steeper, waiting its turn: dh^2 of its maximum and d^2 of its nearest cell. */
-typedef struct conemap__candidate {
-    float dh2, d2;
-    int x, y, k;
-} conemap__candidate;
 
 /* Square of the distance from vertex (i, j) to the nearest corner of cells low..high. */
 CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i, int high_i, int low_j, int high_j, int i,
@@ -2483,11 +2793,13 @@ static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
 #define CONEMAP__KNOWN(value, count) ((int)(value) >= 0 && (int)(value) < (int)(count))
 
 static conemap_result conemap__check_texture(const conemap_texture *texture) {
-    return CONEMAP__KNOWN(texture->format, CONEMAP_FORMAT_COUNT) &&
-                   CONEMAP__KNOWN(texture->encoding, CONEMAP_ENCODING_COUNT) &&
-                   CONEMAP__KNOWN(texture->layout, CONEMAP_LAYOUT_COUNT)
-               ? CONEMAP_OK
-               : CONEMAP_ERROR_ENUM;
+    if (!CONEMAP__KNOWN(texture->format, CONEMAP_FORMAT_COUNT) ||
+        !CONEMAP__KNOWN(texture->encoding, CONEMAP_ENCODING_COUNT) ||
+        !CONEMAP__KNOWN(texture->layout, CONEMAP_LAYOUT_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    if (texture->sectors != 0 && texture->sectors != 1 && texture->sectors != 4 && texture->sectors != 8)
+        return CONEMAP_ERROR_PARAMETER;
+    return texture->sectors > 1 && texture->layout == CONEMAP_DUMMER ? CONEMAP_ERROR_UNSUPPORTED : CONEMAP_OK;
 }
 
 /* Checks a heightmap desc and writes its defaults out. */
@@ -2534,6 +2846,7 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     if (desc->texture.per_cell &&
         (desc->guarantee != CONEMAP_GUARANTEE_BILINEAR || desc->texture.encoding == CONEMAP_RADIUS))
         return CONEMAP_ERROR_UNSUPPORTED;
+    if (desc->texture.sectors > 1 && desc->generator != CONEMAP_EXACT) return CONEMAP_ERROR_UNSUPPORTED;
     if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
         !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) || desc->march_steps < 0 ||
@@ -2550,7 +2863,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
                                     size_t *scratch_size) {
     int w = desc->heights.width, h = desc->heights.height, pass, *jobs = map->build.pass_jobs;
     int strips, q, bands = (h + CONEMAP__BAND - 1) / CONEMAP__BAND;
-    size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0;
+    size_t texels = (size_t)w * (size_t)h, memory = 0, scratch = 0, job_count = 0, planes;
     conemap_info *info = &map->info;
     info->width = w;
     info->height = h;
@@ -2571,12 +2884,13 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     map->build.search_u = map->build.texel_u;
     map->build.search_v = map->build.texel_v;
     map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
-    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, sizeof(float)))
+    planes = (size_t)conemap__planes(info);
+    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, planes * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
     jobs[CONEMAP__PASS_DECODE] = strips;
-    jobs[CONEMAP__PASS_CONES] = bands;
-    jobs[CONEMAP__PASS_STORE] = bands;
+    jobs[CONEMAP__PASS_CONES] = bands * (int)planes;
+    jobs[CONEMAP__PASS_STORE] = bands * (int)planes;
     if (desc->keep_pyramid) {
         int cells_u = conemap__cell_count(w, desc->wrap_u), cells_v = conemap__cell_count(h, desc->wrap_v);
         if (!conemap__pyramid_plan(&map->cells, cells_u, cells_v, 1, &memory)) return CONEMAP_ERROR_OVERFLOW;
@@ -2598,9 +2912,9 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     }
     if (conemap__is_bilinear(info)) {
         conemap__safe_texel(map);
-        if (!conemap__add_size(&scratch, texels, sizeof(float))) return CONEMAP_ERROR_OVERFLOW;
+        if (!conemap__add_size(&scratch, texels, planes * sizeof(float))) return CONEMAP_ERROR_OVERFLOW;
     }
-    if (conemap__needs_plane(map) && !conemap__add_size(&scratch, texels, sizeof(float)))
+    if (conemap__needs_plane(map) && !conemap__add_size(&scratch, texels, planes * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     for (pass = 0; pass < CONEMAP__PASS_COUNT; ++pass) job_count += (size_t)jobs[pass];
     if (!conemap__add_size(&scratch, job_count, 1)) return CONEMAP_ERROR_OVERFLOW;
@@ -2637,6 +2951,7 @@ static int conemap__same_settings(const conemap_info *a, const conemap_info *b) 
            conemap__bits(a->aspect) == conemap__bits(b->aspect) && conemap__bits(a->max_tan) == conemap__bits(b->max_tan) &&
            a->texture.format == b->texture.format && a->texture.encoding == b->texture.encoding &&
            a->texture.layout == b->texture.layout && !a->texture.per_cell == !b->texture.per_cell &&
+           conemap__planes(a) == conemap__planes(b) &&
            a->generator == b->generator && a->guarantee == b->guarantee &&
            a->min3x3 == b->min3x3 && conemap__bits(a->slack) == conemap__bits(b->slack) &&
            !a->texture.flip_dv == !b->texture.flip_dv;
@@ -2665,7 +2980,7 @@ CONEMAP__DEF void conemap_free(conemap_map *map) {
 /* Takes memory for a planned map and cuts it up in the order in which conemap__plan counted. */
 static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, size_t scratch_size) {
     const conemap_desc *desc = &map->build.desc;
-    size_t texels = conemap__texels(map);
+    size_t texels = conemap__texels(map), planes = (size_t)conemap__planes(&map->info);
     unsigned char *cursor;
     int q, k;
     conemap_result result = conemap__take(&map->build.allocator, desc->memory, desc->memory_size, memory_size,
@@ -2677,7 +2992,7 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     map->memory_size = memory_size;
     cursor = (unsigned char *)map->build.memory;
     map->heights = map->build.heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
-    map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    map->cones = map->build.cones = (float *)conemap__cut(&cursor, texels, planes * sizeof(float));
     conemap__cut_pyramid(&map->cells, 1, &cursor);
     if (scratch_size > 0) {
         cursor = (unsigned char *)map->build.scratch;
@@ -2687,9 +3002,9 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
                 &cursor, (size_t)map->build.texels.width[k] * (size_t)map->build.texels.height[k], sizeof(float));
         for (q = 0; q < 4; ++q) conemap__cut_pyramid(&map->build.falling[q], 0, &cursor);
         if (conemap__is_bilinear(&map->info))
-            map->build.cell_slopes = (float *)conemap__cut(&cursor, texels, sizeof(float));
+            map->build.cell_slopes = (float *)conemap__cut(&cursor, texels, planes * sizeof(float));
         map->build.plane =
-            conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, sizeof(float)) : map->build.cones;
+            conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, planes * sizeof(float)) : map->build.cones;
         map->build.job_results = cursor;
         memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
     }
@@ -2744,14 +3059,18 @@ static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heigh
     return CONEMAP_OK;
 }
 
-CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int x, int y, int what) {
-    return !map->build.wanted || (map->build.wanted[(size_t)y * (size_t)map->info.width + (size_t)x] & what);
+CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what) {
+    return !map->build.wanted || (map->build.wanted[(size_t)sector * conemap__texels(map) +
+                                                    (size_t)y * (size_t)map->info.width + (size_t)x] & what);
 }
 
+/* The jobs of a sector's cones: one sector after the other. */
+CONEMAP__INLINE int conemap__bands(const conemap_map *map) { return (map->info.height + CONEMAP__BAND - 1) / CONEMAP__BAND; }
+
 /* Tells the host how far the build is: almost all of the work is in the cones. */
-static conemap_result conemap__report(const conemap_map *map, int pass, double done_rows) {
+static conemap_result conemap__report(const conemap_map *map, int pass, int sector, double done_rows) {
     const conemap_desc *desc = &map->build.desc;
-    double cones = done_rows / (double)map->info.height, done;
+    double cones = ((double)sector + done_rows / (double)map->info.height) / (double)conemap__planes(&map->info), done;
     if (!desc->progress) return CONEMAP_OK;
     done = pass < CONEMAP__PASS_CONES    ? 0.01 * (double)(pass + 1)
            : pass == CONEMAP__PASS_CONES ? 0.04 + 0.92 * cones
@@ -2763,11 +3082,11 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
     int x, y, w = map->info.width;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < w; ++x) {
-            if (!conemap__is_wanted(map, x, y, CONEMAP__SEARCH)) continue;
+            if (!conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
             map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y);
             if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
                 conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
+                    conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
                 if (result != CONEMAP_OK) return result;
             }
         }
@@ -2783,7 +3102,7 @@ static conemap_result conemap__search_rows(const conemap_map *map, conemap__sear
             conemap__search_tile(map, search, x, y, slopes);
             if (x % 512 == 512 - CONEMAP__TILE || x + CONEMAP__TILE >= w) {
                 conemap_result result = conemap__report(
-                    map, CONEMAP__PASS_CONES,
+                    map, CONEMAP__PASS_CONES, 0,
                     (double)y + (double)conemap__mini(CONEMAP__TILE, y1 - y) * (double)(x + 1) / (double)(w + CONEMAP__TILE));
                 if (result != CONEMAP_OK) return result;
             }
@@ -2792,10 +3111,10 @@ static conemap_result conemap__search_rows(const conemap_map *map, conemap__sear
 }
 
 /* Squared slopes become cones where they are. */
-static void conemap__tangent_rows(const conemap_map *map, int y0, int y1) {
+static void conemap__tangent_rows(const conemap_map *map, float *plane, int y0, int y1) {
     int y;
     for (y = y0; y < y1; ++y) {
-        float *row = map->build.plane + (size_t)y * (size_t)map->info.width;
+        float *row = plane + (size_t)y * (size_t)map->info.width;
         const float *slopes = row;
         conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, map->info.width,
                                                    row);
@@ -2831,37 +3150,70 @@ static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1
                                                      map->build.plane + at);
         }
         if (x % 256 == 240 || x + 16 >= w) {
-            conemap_result result = conemap__report(map, CONEMAP__PASS_CONES,
+            conemap_result result = conemap__report(map, CONEMAP__PASS_CONES, 0,
                                                     (double)y0 + (double)(y1 - y0) * (double)x / (double)w);
             if (result != CONEMAP_OK) return result;
         }
     }
-    conemap__tangent_rows(map, y0, y1);
+    conemap__tangent_rows(map, map->build.plane, y0, y1);
     return CONEMAP_OK;
 }
 
-static conemap_result conemap__exact_rows(const conemap_map *map, int y0, int y1) {
+/* The same for one sector, texel by texel. */
+static conemap_result conemap__sector_rows(const conemap_map *map, const conemap__search *common, int sector, int y0, int y1,
+                                           float *slopes) {
+    conemap__sector_search search;
+    int x, y, w = map->info.width;
+    memset(&search, 0, sizeof search);
+    search.common = *common;
+    search.sector = conemap__make_sector(&map->info, sector);
+    search.room = map->build.cell_slopes != NULL;
+    search.best_j = y0;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < w; ++x) {
+            float *at = &slopes[(size_t)y * (size_t)w + (size_t)x];
+            if (conemap__is_wanted(map, sector, x, y, CONEMAP__SEARCH))
+                *at = conemap__search_sector(map, &search, x, y, *at);
+            if (x % 256 == 255 || x == w - 1) {
+                conemap_result result =
+                    conemap__report(map, CONEMAP__PASS_CONES, sector, (double)y + (double)(x + 1) / (double)w);
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
+static conemap_result conemap__exact_rows(const conemap_map *map, int sector, int y0, int y1) {
     conemap__search search = conemap__make_search(map);
-    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
     conemap_result result;
-    int y, k, w = map->info.width;
+    int x, y, k, w = map->info.width;
     for (y = y0; y < y1; ++y) {
+        float *row = plane + (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
-        kernels->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b, map->build.least_slope2,
-                          map->build.plane + (size_t)y * (size_t)w);
+        for (x = 0; map->info.texture.sectors > 1 && x < w; ++x) row[x] = map->build.least_slope2;
+        if (map->info.texture.sectors <= 1)
+            conemap__kernels_of(map->isa)->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b,
+                                                    map->build.least_slope2, row);
     }
-    result = conemap__search_rows(map, &search, y0, y1, map->build.plane);
-    conemap__tangent_rows(map, y0, y1);
+    result = map->info.texture.sectors > 1 ? conemap__sector_rows(map, &search, sector, y0, y1, plane)
+                                           : conemap__search_rows(map, &search, y0, y1, plane);
+    conemap__tangent_rows(map, plane, y0, y1);
     return result;
 }
 
 static conemap__band conemap__make_band(const conemap_map *map, int job) {
     conemap__band band;
+    int sector = job / conemap__bands(map);
     float a = map->build.search_u, b = map->build.search_v;
     memset(&band, 0, sizeof band);
     band.map = map;
-    band.y0 = job * CONEMAP__BAND;
+    band.sector = conemap__make_sector(&map->info, sector);
+    band.number = sector;
+    band.plane = map->build.plane + (size_t)sector * conemap__texels(map);
+    band.cell_slopes = map->build.cell_slopes + (size_t)sector * conemap__texels(map);
+    band.y0 = (job - sector * conemap__bands(map)) * CONEMAP__BAND;
     band.y1 = conemap__mini(band.y0 + CONEMAP__BAND, map->info.height);
     band.a = a;
     band.b = b;
@@ -2873,25 +3225,60 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
     return band;
 }
 
-/* Own cells, own corners and, for long texels, close pairs: what needs no search. */
+/* The margin of step 8. In a sector cones often touch along a whole edge of a cell, where the way out of the sector is
+   steeper; a little more room there makes them much easier to prove. */
+CONEMAP__INLINE float conemap__safe_margin(const conemap_map *map) {
+    return map->info.texture.sectors > 1 ? 1.0f / 4096.0f : 1.0f / 65536.0f;
+}
+
+/* Own cells and own corners in a sector. */
+static void conemap__sector_start(const conemap__band *band, float least) {
+    const conemap_map *map = band->map;
+    int x, y, k, w = map->info.width;
+    size_t row = (size_t)band->y0 * (size_t)w;
+    memset(band->cell_slopes + row, 0, (size_t)(band->y1 - band->y0) * (size_t)w * sizeof(float));
+    for (y = band->y0 - 1; y <= band->y1; ++y)
+        for (x = -1; x < w; ++x)
+            if (conemap__cell_exists(map, x, y) && conemap__has_cell(band, x, y))
+                conemap__raise_cell(band, x, y, conemap__own_slope2(band, x, y));
+    for (y = band->y0; y < band->y1; ++y)
+        for (x = 0; x < w; ++x) {
+            float best = least;
+            for (k = 0; k < 4; ++k) {
+                int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
+                if (si * band->sector.su < 0 || sj * band->sector.sv < 0) continue;
+                if (conemap__cell_exists(map, conemap__mini(x, x + si), conemap__mini(y, y + sj)))
+                    best = conemap__max(best, conemap__corner_slope2(band, x, y, si, sj));
+            }
+            band->plane[(size_t)y * (size_t)w + (size_t)x] = best;
+        }
+}
+
+/* Own cells and own corners, in all directions. */
 static void conemap__safe_start(const conemap__band *band, float least) {
     const conemap_map *map = band->map;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    int x, y, k, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
+    int y, k, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     for (y = band->y0; y < band->y1; ++y) {
         size_t row = (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
         kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b,
-                              map->build.cell_slopes + row);
-        kernels->corners_row(rows, w, wraps, band->a, band->b, least, map->build.plane + row);
+                              band->cell_slopes + row);
+        kernels->corners_row(rows, w, wraps, band->a, band->b, least, band->plane + row);
     }
+}
+
+/* For long texels, close pairs. */
+static void conemap__safe_close(const conemap__band *band, float least) {
+    const conemap_map *map = band->map;
+    int x, y, w = map->info.width;
     for (y = band->y0; (band->close_u || band->close_v) && y <= band->y1; ++y)
         for (x = 0; x < w; ++x) {
             int j = conemap__texel_index(y, map->info.height, map->info.wrap_v);
-            float *at = &map->build.plane[(size_t)j * (size_t)w + (size_t)x], best;
+            float *at = &band->plane[(size_t)j * (size_t)w + (size_t)x], best;
             if (y == map->info.height && map->info.wrap_v != CONEMAP_WRAP) break;
-            if (!conemap__is_wanted(map, x, j, CONEMAP__SEARCH)) continue;
+            if (!conemap__is_wanted(map, band->number, x, j, CONEMAP__SEARCH)) continue;
             best = conemap__close_pairs(band, x, y, least);
             if (y < band->y1) *at = conemap__max(*at, best);
         }
@@ -2902,13 +3289,18 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__search search = conemap__make_search(map);
     conemap__neighbours near_ones;
     conemap_result result;
-    float least = map->build.least_slope2 * (1.0f - 1.0f / 16384.0f); /* so that step 8's margin leaves max_tan whole */
+    float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan whole */
     int y;
     search.deflate = band.deflate;
     search.near2 = band.deflate / CONEMAP__TOLERANCE;
     near_ones = conemap__near_ones(&band, search.near2);
-    conemap__safe_start(&band, least);
-    result = conemap__search_rows(map, &search, band.y0, band.y1, map->build.plane);
+    if (band.sector.su != 0)
+        conemap__sector_start(&band, least);
+    else
+        conemap__safe_start(&band, least);
+    conemap__safe_close(&band, least);
+    result = band.sector.su != 0 ? conemap__sector_rows(map, &search, band.number, band.y0, band.y1, band.plane)
+                                 : conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
     for (y = band.y0; result == CONEMAP_OK && y <= band.y1; ++y)
         if (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP)
             conemap__near_row(&band, &near_ones, y, y == band.y1);
@@ -2928,54 +3320,53 @@ static conemap_result conemap__relaxed_band(const conemap_map *map, int job) {
             conemap__relaxed_vertex(&band, x, y, near2, y == band.y1);
             if (x % 256 == 255 || x == w - 1) {
                 conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, (double)y + (double)(x + 1) / (double)w);
+                    conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
                 if (result != CONEMAP_OK) return result;
             }
         }
     return CONEMAP_OK;
 }
 
-
 /* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
-static void conemap__safe_tangents(const conemap_map *map, int x, int y, int count, float *tangents) {
+static void conemap__safe_tangents(const conemap_map *map, int sector, int x, int y, int count, float *tangents) {
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     const float *rows[13], *slopes = tangents;
     int columns[13], n, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     if (map->info.texture.per_cell && map->info.wrap_v != CONEMAP_WRAP)
         y = conemap__mini(y, conemap__maxi(map->info.height - 2, 0));
-    n = conemap__collect(map, y, 0, map->info.height, rows, columns);
+    n = conemap__collect(map, sector, y, 0, map->info.height, rows, columns);
     kernels->steepest_row(rows, columns, n, w, wraps, x, count, tangents);
     if (map->info.texture.per_cell && !wraps && x + count == w && w > 1) /* there is one cell less than texels: what */
         kernels->steepest_row(rows, columns, n, w, wraps, w - 2, 1, tangents + count - 1); /* lies beyond projects onto the last */
-    kernels->tangent_row(&slopes, 1, 1.0f - 1.0f / 65536.0f, map->info.max_tan, count, tangents);
+    kernels->tangent_row(&slopes, 1, 1.0f - conemap__safe_margin(map), map->info.max_tan, count, tangents);
 }
 
-static void conemap__store_run(conemap_map *map, int x, int y, int count) {
+static void conemap__store_run(conemap_map *map, int sector, int x, int y, int count) {
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     float tangents[CONEMAP__RUN], cones[CONEMAP__RUN];
-    size_t w = (size_t)map->info.width, at = (size_t)y * w + (size_t)x;
+    size_t w = (size_t)map->info.width, at = (size_t)y * w + (size_t)x, first = (size_t)sector * conemap__texels(map);
     int k;
     if (map->build.cell_slopes) {
-        conemap__safe_tangents(map, x, y, count, tangents);
+        conemap__safe_tangents(map, sector, x, y, count, tangents);
     } else if (map->info.min3x3) { /* [BV24 eq. 2] */
         const float *rows[3];
         for (k = 0; k < 3; ++k)
-            rows[k] = map->build.plane +
+            rows[k] = map->build.plane + first +
                       (size_t)conemap__texel_index(y + k - 1, map->info.height, map->info.wrap_v) * w;
         kernels->narrowest_row(rows, map->info.width, map->info.wrap_u == CONEMAP_WRAP, x, count, tangents);
     } else {
-        memcpy(tangents, map->build.plane + at, (size_t)count * sizeof(float));
+        memcpy(tangents, map->build.plane + first + at, (size_t)count * sizeof(float));
     }
     kernels->store_row(&map->info, map->heights + at, tangents, count, cones);
     for (k = 0; k < count; ++k)
-        if (conemap__is_wanted(map, x + k, y, CONEMAP__STORE)) map->build.cones[at + (size_t)k] = cones[k];
+        if (conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE)) map->build.cones[first + at + (size_t)k] = cones[k];
 }
 
-static void conemap__store_rows(conemap_map *map, int y0, int y1) {
+static void conemap__store_rows(conemap_map *map, int sector, int y0, int y1) {
     int x, y;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < map->info.width; x += CONEMAP__RUN)
-            conemap__store_run(map, x, y, conemap__mini(CONEMAP__RUN, map->info.width - x));
+            conemap__store_run(map, sector, x, y, conemap__mini(CONEMAP__RUN, map->info.width - x));
 }
 
 /* Where a pass keeps the results of its jobs: 0 is not run, else 1 + result. */
@@ -2988,10 +3379,12 @@ static unsigned char *conemap__job_slots(const conemap_map *map, int pass) {
 
 CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job) {
     conemap_result result = CONEMAP_OK;
-    int h, q;
+    int h, q, sector, y0, y1;
     if (!map) return CONEMAP_ERROR_NULL;
     if (job < 0 || job >= conemap_job_count(map, pass)) return CONEMAP_ERROR_ORDER;
     h = map->info.height;
+    sector = job / conemap__bands(map); /* of jobs that are bands */
+    y0 = (job - sector * conemap__bands(map)) * CONEMAP__BAND;
     switch (pass) {
     case CONEMAP__PASS_DECODE:
         result = conemap__decode_rows(map, &map->build.desc.heights, job * CONEMAP__STRIP,
@@ -3006,21 +3399,18 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
         for (q = 0; q < 4; ++q) conemap__pyramid_top(map, &map->build.falling[q]);
         break;
     case CONEMAP__PASS_CONES:
+        y1 = conemap__mini(y0 + CONEMAP__BAND, h);
         result = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR ? conemap__relaxed_band(map, job)
-                 : map->build.cell_slopes ? conemap__safe_band(map, job)
-                 : map->info.generator == CONEMAP_EXACT
-                     ? conemap__exact_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h))
-                 : conemap__needs_pyramid(map->info.generator)
-                     ? conemap__quick_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h))
-                     : conemap__cone_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
+                 : map->build.cell_slopes                    ? conemap__safe_band(map, job)
+                 : map->info.generator == CONEMAP_EXACT      ? conemap__exact_rows(map, sector, y0, y1)
+                 : conemap__needs_pyramid(map->info.generator) ? conemap__quick_rows(map, y0, y1)
+                                                             : conemap__cone_rows(map, y0, y1);
         break;
-    case CONEMAP__PASS_STORE:
-        conemap__store_rows(map, job * CONEMAP__BAND, conemap__mini((job + 1) * CONEMAP__BAND, h));
-        break;
+    case CONEMAP__PASS_STORE: conemap__store_rows(map, sector, y0, conemap__mini(y0 + CONEMAP__BAND, h)); break;
     case CONEMAP__PASS_CELLS: conemap__pyramid_strip(map, &map->cells, job); break;
     default: conemap__pyramid_top(map, &map->cells); break;
     }
-    if (result == CONEMAP_OK && pass != CONEMAP__PASS_CONES) result = conemap__report(map, pass, 0.0);
+    if (result == CONEMAP_OK && pass != CONEMAP__PASS_CONES) result = conemap__report(map, pass, 0, 0.0);
     conemap__job_slots(map, pass)[job] = (unsigned char)(1 + (int)result);
     return result;
 }
@@ -3104,9 +3494,9 @@ CONEMAP__DEF conemap_result conemap_build(const conemap_desc *desc, conemap_map 
 /* ---- updates ------------------------------------------------------------------------------------------------- */
 
 /* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
-static float conemap__slope_floor(const conemap_map *map, size_t at) {
+static float conemap__slope_floor(const conemap_map *map, const float *cones, size_t at) {
     const conemap_texture *texture = &map->info.texture;
-    uint32_t code = conemap__code_near(texture->format, map->cones[at]);
+    uint32_t code = conemap__code_near(texture->format, cones[at]);
     float next = conemap__value(texture->format, code + 2), tangent;
     if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
     tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
@@ -3116,12 +3506,14 @@ static float conemap__slope_floor(const conemap_map *map, size_t at) {
     return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
 }
 
-/* Whole distance, in texels, from `at` to the texels low..high of an axis, or to the images of a wrapping one. */
-static int conemap__axis_distance(int at, int low, int high, int size, conemap_wrap wrap) {
-    int d = conemap__maxi(0, conemap__maxi(low - at, at - high));
-    if (wrap == CONEMAP_WRAP) {
-        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low - size - at, at - (high - size))));
-        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(low + size - at, at - (high + size))));
+/* Whole distance, in texels, from `at` to the texels low..high of an axis, or to the images of a wrapping one. A sign
+   leaves out what lies wholly on the other side, by more than the cells around two texels. */
+static int conemap__axis_distance(int at, int low, int high, int size, conemap_wrap wrap, int sign) {
+    int d = 4 * CONEMAP_MAX_SIZE, image, images = wrap == CONEMAP_WRAP;
+    for (image = -images; image <= images; ++image) {
+        int before = low + image * size - at, after = at - (high + image * size);
+        if ((sign > 0 && after > 2) || (sign < 0 && before > 2)) continue;
+        d = conemap__mini(d, conemap__maxi(0, conemap__maxi(before, after)));
     }
     return d;
 }
@@ -3137,10 +3529,12 @@ static void conemap__mark_around(const conemap_map *map, unsigned char *wanted, 
 /* Marks what an edit of rectangle (x, y, width, height) can change: a texel is safe from it if nothing as high as `highest`,
    before or after, standing at the rectangle's nearest texel, is as steep as what the texel's cone has already. With the
    bilinear guarantee the rectangle's cells count, the nearest of all are looked at whatever their slope, and a search
-   serves its 3x3 texels. */
-static void conemap__mark(const conemap_map *map, unsigned char *wanted, int x, int y, int width, int height,
-                            float highest) {
+   serves its 3x3 texels. An octant is treated as its quadrant. */
+static void conemap__mark(const conemap_map *map, int number, unsigned char *wanted, int x, int y, int width, int height,
+                          float highest) {
     int bilinear = conemap__is_bilinear(&map->info), i, j, a, b, w = map->info.width, h = map->info.height;
+    conemap__sector sector = conemap__make_sector(&map->info, number);
+    const float *cones = map->cones + (size_t)number * conemap__texels(map);
     float near2 = 0.0f, deflate = 0.0f;
     size_t at;
     if (bilinear) {
@@ -3149,19 +3543,20 @@ static void conemap__mark(const conemap_map *map, unsigned char *wanted, int x, 
     }
     for (j = 0; j < h; ++j)
         for (i = 0; i < w; ++i) {
-            float du = (float)conemap__maxi(0, conemap__axis_distance(i, x, x + width - 1, w, map->info.wrap_u) - bilinear) *
-                       map->build.search_u;
-            float dv = (float)conemap__maxi(0, conemap__axis_distance(j, y, y + height - 1, h, map->info.wrap_v) - bilinear) *
-                       map->build.search_v;
+            int far_u = conemap__axis_distance(i, x, x + width - 1, w, map->info.wrap_u, sector.su);
+            int far_v = conemap__axis_distance(j, y, y + height - 1, h, map->info.wrap_v, sector.sv);
+            float du = (float)conemap__maxi(0, far_u - bilinear) * map->build.search_u;
+            float dv = (float)conemap__maxi(0, far_v - bilinear) * map->build.search_v;
             float d2 = du * du + dv * dv, rise = highest - map->heights[(size_t)j * (size_t)w + (size_t)i];
             float least = CONEMAP__FAR;
             int hit = d2 <= near2;
+            if (far_u >= 4 * CONEMAP_MAX_SIZE || far_v >= 4 * CONEMAP_MAX_SIZE) continue; /* not in this sector */
             if (!hit && rise <= 0.0f) continue;
             for (b = -bilinear; !hit && b <= bilinear; ++b)
                 for (a = -bilinear; a <= bilinear; ++a) {
                     size_t beside = (size_t)conemap__texel_index(j + b, h, map->info.wrap_v) * (size_t)w +
                                     (size_t)conemap__texel_index(i + a, w, map->info.wrap_u);
-                    least = conemap__min(least, conemap__slope_floor(map, beside));
+                    least = conemap__min(least, conemap__slope_floor(map, cones, beside));
                 }
             if (!hit && rise * rise < least * (d2 - deflate)) continue;
             if (bilinear)
@@ -3193,9 +3588,9 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     conemap_desc settings;
     conemap_result result;
     conemap_heights rectangle;
-    size_t memory_size, scratch_size, texels;
+    size_t memory_size, scratch_size, texels, marks;
     unsigned char *wanted;
-    void *buffer = NULL; /* a byte a texel, and the rectangle's new heights until all of them are known to be good */
+    void *buffer = NULL; /* a byte for each cone, and the rectangle's new heights until all of them are known to be good */
     float highest;
     int pass, job, partial, k;
     if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
@@ -3216,14 +3611,15 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         width > map->info.width - x || height > map->info.height - y)
         return CONEMAP_ERROR_SIZE;
     texels = conemap__texels(map);
+    marks = texels * (size_t)conemap__planes(&map->info);
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
     if (result == CONEMAP_OK)
-        result = conemap__take(&settings.allocator, NULL, 0, texels + (size_t)width * (size_t)height * sizeof(float),
+        result = conemap__take(&settings.allocator, NULL, 0, marks + (size_t)width * (size_t)height * sizeof(float),
                                &buffer, &k);
     wanted = (unsigned char *)buffer;
     if (result == CONEMAP_OK) {
-        unsigned char *cursor = wanted + texels;
+        unsigned char *cursor = wanted + marks;
         rectangle = settings.heights;
         rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
                            (ptrdiff_t)x * rectangle.pixel_stride;
@@ -3237,18 +3633,17 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     }
     if (result == CONEMAP_OK) {
         /* Everything is known and at hand: from here on nothing can fail. */
-        memset(wanted, 0, texels);
+        memset(wanted, 0, marks);
         highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
         for (k = 0; k < height; ++k)
             memcpy(work.build.heights + (size_t)(y + k) * (size_t)map->info.width + (size_t)x,
-                   wanted + texels + (size_t)k * (size_t)width * sizeof(float), (size_t)width * sizeof(float));
+                   wanted + marks + (size_t)k * (size_t)width * sizeof(float), (size_t)width * sizeof(float));
         highest = conemap__rectangle_max(map, x, y, width, height, highest);
         /* Slack depends on the way of the search, and correction on cones that are no longer there: those start afresh. */
         partial = settings.generator == CONEMAP_EXACT && !(settings.slack > 0.0f) && !(settings.min3x3 && !work.build.cell_slopes);
-        if (partial)
-            conemap__mark(&work, wanted, x, y, width, height, highest);
-        else
-            memset(wanted, CONEMAP__SEARCH | CONEMAP__STORE, texels);
+        if (!partial) memset(wanted, CONEMAP__SEARCH | CONEMAP__STORE, marks);
+        for (k = 0; partial && k < conemap__planes(&map->info); ++k)
+            conemap__mark(&work, k, wanted + (size_t)k * texels, x, y, width, height, highest);
         work.build.wanted = wanted;
         for (pass = CONEMAP__PASS_STRIPS; pass < CONEMAP__PASS_COUNT; ++pass)
             for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
@@ -3263,32 +3658,57 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
    F I L E S
 
    Baked bytes: "CONEMAP" and a zero byte, CONEMAP__FILE_WORDS little-endian words (the info, hashes of the heights
-   and of the texels, and last the hash of all words before it), then the texels, little-endian, rows touching.
+   and of the texels, and last the hash of all words before it), then the textures, little-endian, rows touching.
    ====================================================================================================== */
 
-#define CONEMAP__FILE_WORDS 22
+#define CONEMAP__FILE_WORDS 23
 #define CONEMAP__FILE_HEADER (8u + 4u * CONEMAP__FILE_WORDS)
 
 static const char conemap__file_magic[8] = {'C', 'O', 'N', 'E', 'M', 'A', 'P', 0};
 
-static int conemap__channels(conemap_layout layout) {
-    return layout == CONEMAP_CONE_ONLY ? 1 : layout == CONEMAP_DUMMER ? 4 : 2;
+static int conemap__texture_count(const conemap_texture *texture) {
+    return texture->sectors <= 1 ? 1 : texture->sectors / 4 + (texture->layout != CONEMAP_CONE_ONLY);
 }
 
-static size_t conemap__row_size(const conemap_info *info) {
-    return (size_t)info->width * (size_t)conemap__channels(info->texture.layout) *
+/* The channels of texture `index`. */
+static int conemap__channels(const conemap_texture *texture, int index) {
+    if (texture->sectors > 1) return index < texture->sectors / 4 ? 4 : 1;
+    return texture->layout == CONEMAP_CONE_ONLY ? 1 : texture->layout == CONEMAP_DUMMER ? 4 : 2;
+}
+
+static size_t conemap__row_size(const conemap_info *info, int index) {
+    return (size_t)info->width * (size_t)conemap__channels(&info->texture, index) *
            conemap__format_size(info->texture.format);
 }
 
-CONEMAP__DEF size_t conemap_row_size(const conemap_map *map) {
-    return map && map->heights ? conemap__row_size(&map->info) : 0;
+/* The bytes of a texel in all textures together. */
+static size_t conemap__texel_size(const conemap_info *info) {
+    size_t size = 0;
+    int index;
+    for (index = 0; index < conemap__texture_count(&info->texture); ++index)
+        size += (size_t)conemap__channels(&info->texture, index) * conemap__format_size(info->texture.format);
+    return size;
 }
 
-CONEMAP__DEF size_t conemap_texture_size(const conemap_map *map, size_t row_pitch) {
-    size_t row = conemap_row_size(map);
+CONEMAP__DEF int conemap_texture_count(const conemap_map *map) {
+    return map && map->heights ? conemap__texture_count(&map->info.texture) : 0;
+}
+
+CONEMAP__DEF size_t conemap_row_size_at(const conemap_map *map, int index) {
+    return index >= 0 && index < conemap_texture_count(map) ? conemap__row_size(&map->info, index) : 0;
+}
+
+CONEMAP__DEF size_t conemap_row_size(const conemap_map *map) { return conemap_row_size_at(map, 0); }
+
+CONEMAP__DEF size_t conemap_texture_size_at(const conemap_map *map, int index, size_t row_pitch) {
+    size_t row = conemap_row_size_at(map, index);
     if (row_pitch == 0) row_pitch = row;
     if (row == 0 || row_pitch < row || row_pitch > SIZE_MAX / (size_t)map->info.height) return 0;
     return row_pitch * (size_t)map->info.height;
+}
+
+CONEMAP__DEF size_t conemap_texture_size(const conemap_map *map, size_t row_pitch) {
+    return conemap_texture_size_at(map, 0, row_pitch);
 }
 
 /* Height difference per texel along an axis: central, one-sided at a border that does not wrap. [Dum06] halves
@@ -3325,16 +3745,20 @@ static void conemap__swap_row(unsigned char *bytes, size_t size, size_t code_siz
         }
 }
 
-static void conemap__write_row(const conemap_map *map, int y, unsigned char *bytes) {
+static void conemap__write_row(const conemap_map *map, int index, int y, unsigned char *bytes) {
     const conemap_texture *texture = &map->info.texture;
-    size_t step = conemap__format_size(texture->format);
-    int x, c, channels = conemap__channels(texture->layout);
+    size_t step = conemap__format_size(texture->format), texels = conemap__texels(map);
+    int x, c, channels = conemap__channels(texture, index);
     for (x = 0; x < map->info.width; ++x) {
         size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
         float values[4];
         c = 0;
-        if (texture->layout != CONEMAP_CONE_ONLY) values[c++] = map->heights[at];
-        values[c++] = map->cones[at];
+        if (texture->sectors > 1 && channels == 4) {
+            for (c = 0; c < 4; ++c) values[c] = map->cones[(size_t)(4 * index + c) * texels + at];
+        } else {
+            if (texture->layout != CONEMAP_CONE_ONLY) values[c++] = map->heights[at];
+            if (texture->sectors <= 1) values[c++] = map->cones[at];
+        }
         if (texture->layout == CONEMAP_DUMMER) {
             float dv = conemap__difference(map, x, y, 1);
             values[c++] = 0.5f + conemap__difference(map, x, y, 0);
@@ -3345,21 +3769,27 @@ static void conemap__write_row(const conemap_map *map, int y, unsigned char *byt
     }
 }
 
-CONEMAP__DEF conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
-                                                  size_t row_pitch) {
+CONEMAP__DEF conemap_result conemap_write_texture_at(const conemap_map *map, int index, void *pixels, size_t size,
+                                                     size_t row_pitch) {
     size_t row, needed;
     int y;
     if (!map || !map->heights || !pixels) return CONEMAP_ERROR_NULL;
-    row = conemap_row_size(map);
+    if (index < 0 || index >= conemap_texture_count(map)) return CONEMAP_ERROR_PARAMETER;
+    row = conemap_row_size_at(map, index);
     if (row_pitch == 0) row_pitch = row;
     if (row_pitch < row) return CONEMAP_ERROR_STRIDE;
-    needed = conemap_texture_size(map, row_pitch);
+    needed = conemap_texture_size_at(map, index, row_pitch);
     if (needed == 0) return CONEMAP_ERROR_OVERFLOW;
     needed -= row_pitch - row; /* the last row's padding is never written */
     if (size < needed) return CONEMAP_ERROR_BUFFER;
     for (y = 0; y < map->info.height; ++y)
-        conemap__write_row(map, y, (unsigned char *)pixels + (size_t)y * row_pitch);
+        conemap__write_row(map, index, y, (unsigned char *)pixels + (size_t)y * row_pitch);
     return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_write_texture(const conemap_map *map, void *pixels, size_t size,
+                                                  size_t row_pitch) {
+    return conemap_write_texture_at(map, 0, pixels, size, row_pitch);
 }
 
 static uint64_t conemap__hash_bytes(const unsigned char *bytes, size_t size) {
@@ -3371,8 +3801,10 @@ static uint64_t conemap__hash_bytes(const unsigned char *bytes, size_t size) {
 }
 
 CONEMAP__DEF size_t conemap_save_size(const conemap_map *map) {
-    size_t texels = conemap_texture_size(map, 0);
-    return texels == 0 || texels > SIZE_MAX - CONEMAP__FILE_HEADER ? 0 : texels + CONEMAP__FILE_HEADER;
+    size_t texels = map && map->heights ? conemap__texels(map) : 0, size;
+    if (texels == 0) return 0;
+    size = conemap__texel_size(&map->info);
+    return texels > (SIZE_MAX - CONEMAP__FILE_HEADER) / size ? 0 : texels * size + CONEMAP__FILE_HEADER;
 }
 
 CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, size_t size) {
@@ -3381,18 +3813,20 @@ CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, si
     const conemap_info *info;
     uint64_t data_hash;
     size_t row;
-    int k;
+    int k, index;
     if (!map || !map->heights || !bytes) return CONEMAP_ERROR_NULL;
     if (conemap_save_size(map) == 0) return CONEMAP_ERROR_OVERFLOW;
     if (size < conemap_save_size(map)) return CONEMAP_ERROR_BUFFER;
     info = &map->info;
     texels = out + CONEMAP__FILE_HEADER;
-    row = conemap_row_size(map);
-    for (k = 0; k < info->height; ++k) {
-        conemap__write_row(map, k, texels + (size_t)k * row);
-        conemap__swap_row(texels + (size_t)k * row, row, conemap__format_size(info->texture.format));
+    for (index = 0; index < conemap_texture_count(map); ++index) {
+        row = conemap_row_size_at(map, index);
+        for (k = 0; k < info->height; ++k, texels += row) {
+            conemap__write_row(map, index, k, texels);
+            conemap__swap_row(texels, row, conemap__format_size(info->texture.format));
+        }
     }
-    data_hash = conemap__hash_bytes(texels, row * (size_t)info->height);
+    data_hash = conemap__hash_bytes(out + CONEMAP__FILE_HEADER, conemap__texel_size(info) * conemap__texels(map));
     words[0] = CONEMAP_VERSION;
     words[1] = CONEMAP__FILE_HEADER;
     words[2] = (uint32_t)info->width;
@@ -3410,10 +3844,11 @@ CONEMAP__DEF conemap_result conemap_save(const conemap_map *map, void *bytes, si
     words[14] = info->min3x3 != 0;
     words[15] = info->texture.per_cell != 0;
     words[16] = conemap__bits(info->slack);
-    words[17] = (uint32_t)(info->height_hash & 0xffffffffu);
-    words[18] = (uint32_t)(info->height_hash >> 32);
-    words[19] = (uint32_t)(data_hash & 0xffffffffu);
-    words[20] = (uint32_t)(data_hash >> 32);
+    words[17] = (uint32_t)conemap__planes(info);
+    words[18] = (uint32_t)(info->height_hash & 0xffffffffu);
+    words[19] = (uint32_t)(info->height_hash >> 32);
+    words[20] = (uint32_t)(data_hash & 0xffffffffu);
+    words[21] = (uint32_t)(data_hash >> 32);
     memcpy(out, conemap__file_magic, 8);
     for (k = 0; k < CONEMAP__FILE_WORDS - 1; ++k) conemap__put_word(out + 8 + 4 * k, words[k]);
     conemap__put_word(out + 8 + 4 * k,
@@ -3425,7 +3860,6 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     const unsigned char *in = (const unsigned char *)bytes;
     uint32_t words[CONEMAP__FILE_WORDS];
     conemap_info read;
-    size_t row;
     int k;
     if (!bytes || !info) return CONEMAP_ERROR_NULL;
     for (k = 0; k < 8; ++k) {
@@ -3444,7 +3878,7 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
         words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
         words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
         words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 || words[13] >= CONEMAP_GUARANTEE_COUNT ||
-        words[14] > 1 || words[15] > 1)
+        words[14] > 1 || words[15] > 1 || words[17] > 8)
         return CONEMAP_ERROR_FILE_CORRUPT;
     memset(&read, 0, sizeof read);
     read.width = (int)words[2];
@@ -3462,38 +3896,42 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     read.guarantee = (conemap_guarantee)words[13];
     read.min3x3 = (int)words[14];
     read.slack = conemap__from_bits(words[16]);
-    read.height_hash = (uint64_t)words[18] << 32 | words[17];
-    if (!conemap__in_range(read.aspect, 1.0f / 32768.0f, 32768.0f) ||
+    read.texture.sectors = words[17] > 1 ? (int)words[17] : 0;
+    read.height_hash = (uint64_t)words[19] << 32 | words[18];
+    if (words[17] < 1 || conemap__check_texture(&read.texture) != CONEMAP_OK ||
+        !conemap__in_range(read.aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(read.max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
         !conemap__in_range(read.slack, 0.0f, 16.0f) ||
         (read.width == 1 && read.wrap_u == CONEMAP_NOTHING) || (read.height == 1 && read.wrap_v == CONEMAP_NOTHING))
         return CONEMAP_ERROR_FILE_CORRUPT;
-    row = conemap__row_size(&read);
-    if ((size - CONEMAP__FILE_HEADER) / row < (size_t)read.height) return CONEMAP_ERROR_FILE_TRUNCATED;
+    if ((size - CONEMAP__FILE_HEADER) / ((size_t)read.width * conemap__texel_size(&read)) < (size_t)read.height)
+        return CONEMAP_ERROR_FILE_TRUNCATED;
     *info = read;
     return CONEMAP_OK;
 }
 
 /* Reads the texels of baked bytes into the map's planes; heights only where the bytes hold them. */
-static conemap_result conemap__load_texels(conemap_map *map, const unsigned char *texels, int heights_too) {
+static conemap_result conemap__load_texels(conemap_map *map, const unsigned char *bytes, int heights_too) {
     const conemap_texture *texture = &map->info.texture;
-    int x, y, cone_channel = texture->layout == CONEMAP_CONE_ONLY ? 0 : 1;
-    size_t step = conemap__format_size(texture->format), b;
-    size_t pixel = step * (size_t)conemap__channels(texture->layout);
-    for (y = 0; y < map->info.height; ++y)
-        for (x = 0; x < map->info.width; ++x, texels += pixel) {
-            size_t at = (size_t)y * (size_t)map->info.width + (size_t)x;
-            uint32_t codes[2] = {0, 0};
-            int c;
-            for (c = 0; c <= cone_channel; ++c)
-                for (b = 0; b < step; ++b) codes[c] |= (uint32_t)texels[(size_t)c * step + b] << (8 * b);
-            map->build.cones[at] = conemap__value(texture->format, codes[cone_channel]);
-            if (!conemap__in_range(map->build.cones[at], 0.0f, CONEMAP_TAN_LIMIT))
-                return CONEMAP_ERROR_FILE_CORRUPT;
-            if (!heights_too) continue;
-            map->build.heights[at] = conemap__value(texture->format, codes[0]);
-            if (!conemap__in_range(map->build.heights[at], 0.0f, 1.0f)) return CONEMAP_ERROR_FILE_CORRUPT;
-        }
+    size_t step = conemap__format_size(texture->format), texels = conemap__texels(map), at, b;
+    int index, c, cone_channel = texture->layout == CONEMAP_CONE_ONLY ? 0 : 1;
+    for (index = 0; index < conemap__texture_count(texture); ++index) {
+        int channels = conemap__channels(texture, index), of_cones = texture->sectors <= 1 || channels == 4;
+        for (at = 0; at < texels; ++at)
+            for (c = 0; c < channels; ++c, bytes += step) {
+                uint32_t code = 0;
+                float value;
+                for (b = 0; b < step; ++b) code |= (uint32_t)bytes[b] << (8 * b);
+                value = conemap__value(texture->format, code);
+                if (of_cones && (texture->sectors > 1 || c == cone_channel)) {
+                    if (!conemap__in_range(value, 0.0f, CONEMAP_TAN_LIMIT)) return CONEMAP_ERROR_FILE_CORRUPT;
+                    map->build.cones[(texture->sectors > 1 ? (size_t)(4 * index + c) * texels : 0) + at] = value;
+                } else if (c == 0 && heights_too) {
+                    if (!conemap__in_range(value, 0.0f, 1.0f)) return CONEMAP_ERROR_FILE_CORRUPT;
+                    map->build.heights[at] = value;
+                }
+            }
+    }
     return CONEMAP_OK;
 }
 
@@ -3522,7 +3960,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     if ((load.allocator.allocate == NULL) != (load.allocator.release == NULL)) return CONEMAP_ERROR_NULL;
     if (!CONEMAP__KNOWN(load.isa, CONEMAP_ISA_COUNT)) return CONEMAP_ERROR_ENUM;
     if (!conemap__resolve_isa(&load.isa)) return CONEMAP_ERROR_UNSUPPORTED;
-    if (conemap__hash_bytes(texels, conemap__row_size(&info) * (size_t)info.height) !=
+    if (conemap__hash_bytes(texels, (size_t)info.width * (size_t)info.height * conemap__texel_size(&info)) !=
         ((uint64_t)conemap__get_word(texels - 8) << 32 | conemap__get_word(texels - 12)))
         return CONEMAP_ERROR_FILE_CORRUPT;
     load.heights.width = info.width;
@@ -3554,8 +3992,8 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     return CONEMAP_OK;
 }
 
-CONEMAP__DEF conemap_result conemap_get_format_numbers(const conemap_texture *texture,
-                                                       conemap_format_numbers *numbers) {
+CONEMAP__DEF conemap_result conemap_get_format_numbers_at(const conemap_texture *texture, int index,
+                                                          conemap_format_numbers *numbers) {
     /* [format][1, 2 or 4 channels] */
     static const unsigned dxgi[CONEMAP_FORMAT_COUNT][3] = {{41, 16, 2}, {54, 34, 10}, {56, 35, 11}, {61, 49, 28}};
     static const unsigned vulkan[CONEMAP_FORMAT_COUNT][3] = {
@@ -3571,9 +4009,10 @@ CONEMAP__DEF conemap_result conemap_get_format_numbers(const conemap_texture *te
     if (!texture || !numbers) return CONEMAP_ERROR_NULL;
     result = conemap__check_texture(texture);
     if (result != CONEMAP_OK) return result;
+    if (index < 0 || index >= conemap__texture_count(texture)) return CONEMAP_ERROR_PARAMETER;
     format = (int)texture->format;
-    column = texture->layout == CONEMAP_CONE_ONLY ? 0 : texture->layout == CONEMAP_DUMMER ? 2 : 1;
-    numbers->channels = conemap__channels(texture->layout);
+    numbers->channels = conemap__channels(texture, index);
+    column = numbers->channels == 4 ? 2 : numbers->channels - 1;
     numbers->bytes = numbers->channels * (int)conemap__format_size(texture->format);
     numbers->dxgi = dxgi[format][column];
     numbers->vulkan = vulkan[format][column];
@@ -3581,6 +4020,11 @@ CONEMAP__DEF conemap_result conemap_get_format_numbers(const conemap_texture *te
     numbers->gl_format = gl_format[column];
     numbers->gl_type = gl_type[format];
     return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_get_format_numbers(const conemap_texture *texture,
+                                                       conemap_format_numbers *numbers) {
+    return conemap_get_format_numbers_at(texture, 0, numbers);
 }
 
 /* ======================================================================================================
@@ -3592,10 +4036,10 @@ typedef struct conemap__mix {
     float height, tangent;
 } conemap__mix;
 
-CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, conemap__quad quad, float x, float y) {
+CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, const float *cones, conemap__quad quad, float x,
+                                                  float y) {
     conemap__mix mix;
-    float cone = map->info.texture.per_cell ? map->cones[quad.at00]
-                                            : conemap__bilinear(conemap__gather(map->cones, quad), x, y);
+    float cone = map->info.texture.per_cell ? cones[quad.at00] : conemap__bilinear(conemap__gather(cones, quad), x, y);
     mix.height = conemap__bilinear(conemap__gather(map->heights, quad), x, y);
     mix.tangent = conemap__decode_tan(&map->info, mix.height, cone);
     return mix;
@@ -3622,14 +4066,18 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
     conemap__corners c;
     conemap__mix mix;
     float x, y, dx, dy, length;
-    int i, j;
+    int i, j, k;
     if (!map || !map->heights || !sample) return CONEMAP_ERROR_NULL;
     if (!conemap__locate(u, map->info.width, map->info.wrap_u, &i, &x) ||
         !conemap__locate(v, map->info.height, map->info.wrap_v, &j, &y))
         return CONEMAP_ERROR_POSITION;
     quad = conemap__cell_quad(map, i, j);
     c = conemap__gather(map->heights, quad);
-    mix = conemap__sample_cell(map, quad, x, y);
+    mix = conemap__sample_cell(map, map->cones, quad, x, y);
+    for (k = 1; k < conemap__planes(&map->info); ++k)
+        mix.tangent = conemap__min(
+            mix.tangent,
+            conemap__sample_cell(map, map->cones + (size_t)k * conemap__texels(map), quad, x, y).tangent);
     dx = (c.h10 - c.h00) + ((c.h11 - c.h01) - (c.h10 - c.h00)) * y;
     dy = (c.h01 - c.h00) + ((c.h11 - c.h10) - (c.h01 - c.h00)) * x;
     sample->height = mix.height;
@@ -3668,6 +4116,12 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
    Cov(t, h) (1 - (h(q) - h(p) - d) / (1 - h(p))), and that last factor is in 0..1. Where max_tan caps a corner, the
    greatest t serves as all four.
 
+   Sectors: a pair whose difference box misses the sector is skipped, and halving goes on to the sector's border. A
+   quadrant's border runs through pairs that span the same interval of an axis. Of these only one half, a triangle of
+   (p_x, q_x), is in the sector: (b) holds with weights on its three corners, which leave out the fourth, outside. The
+   difference then has a variance of one squared side / 4, but p and q are no longer independent, and C gets
+   Cov(t, h(q)) as well: range of t(R) * range of h(Q) / 4.
+
    Clamped borders: the outer half cells need no looking at. An apex or a surface point there has the height and
    the cone of its projection onto the rectangle of centres, and projecting both shortens |q - p|. So does an
    axis of one texel, whose cells have no length. Wrapping: of all images of q the nearest decides.
@@ -3691,6 +4145,8 @@ typedef struct conemap__patch {
 
 typedef struct conemap__proof {
     const conemap_map *map;
+    const conemap_info *info; /* the caller's: the map's own has NOTHING for CLAMP */
+    conemap__sector sector;
     conemap_report *report;
     double a, b;            /* a texel's size; 0 along an axis of one texel */
     double slack;           /* how far the surface may rise above a cone: once the cell has a witness, only a
@@ -3776,13 +4232,18 @@ CONEMAP__INLINE double conemap__ascent(double g0, double g1, double d0, double d
     return conemap__maxd(0.0, conemap__maxd(ahead, back));
 }
 
+/* Do two cells count for each other's whole quadrants? See conemap__by_border. */
+CONEMAP__INLINE int conemap__by_border_pair(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
+    return conemap__border_cell(proof->info, p->i, p->j) || conemap__border_cell(proof->info, q->i, q->j);
+}
+
 /* The steepest ascent in any direction that leads from p to q, over everything between them. */
 static double conemap__steepest(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
     double x0 = conemap__mind(p->x, q->x), x1 = conemap__maxd(p->x + p->sx, q->x + q->sx);
     double y0 = conemap__mind(p->y, q->y), y1 = conemap__maxd(p->y + p->sy, q->y + q->sy);
     double left = q->x - p->x - p->sx, right = q->x + q->sx - p->x, worst = 0.0;
     double down = q->y - p->y - p->sy, up = q->y + q->sy - p->y;
-    int i, j;
+    int i, j, major = conemap__by_border_pair(proof, p, q) ? 0 : proof->sector.major;
     for (j = conemap__mini(p->j, q->j); j <= conemap__maxi(p->j, q->j); ++j)
         for (i = conemap__mini(p->i, q->i); i <= conemap__maxi(p->i, q->i); ++i) {
             conemap__corners c = conemap__gather(proof->map->heights, conemap__cell_quad(proof->map, i, j));
@@ -3790,12 +4251,18 @@ static double conemap__steepest(const conemap__proof *proof, const conemap__patc
             double v0 = conemap__clamp01(y0 - (double)j), v1 = conemap__clamp01(y1 - (double)j);
             double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
             double rise_left = (double)c.h01 - (double)c.h00, rise_right = (double)c.h11 - (double)c.h10;
-            double x = conemap__ascent(low + (high - low) * v0, low + (high - low) * v1, left, right);
-            double y = conemap__ascent(rise_left + (rise_right - rise_left) * u0,
-                                       rise_left + (rise_right - rise_left) * u1, down, up);
+            double x0v = low + (high - low) * v0, x1v = low + (high - low) * v1, x, y;
+            double y0v = rise_left + (rise_right - rise_left) * u0, y1v = rise_left + (rise_right - rise_left) * u1;
+            if (proof->sector.su == 0) {
+                x = conemap__ascent(x0v, x1v, left, right);
+                y = conemap__ascent(y0v, y1v, down, up);
+            } else {
+                x = conemap__maxd(x0v * (double)proof->sector.su, x1v * (double)proof->sector.su);
+                y = conemap__maxd(y0v * (double)proof->sector.sv, y1v * (double)proof->sector.sv);
+            }
             x = proof->a > 0.0 ? x / proof->a : 0.0;
             y = proof->b > 0.0 ? y / proof->b : 0.0;
-            worst = conemap__maxd(worst, x * x + y * y);
+            worst = conemap__maxd(worst, conemap__ascent2(major, x, y, proof->a, proof->b));
         }
     return sqrt(worst);
 }
@@ -3811,15 +4278,40 @@ static void conemap__witness(conemap__proof *proof, double u, double v, double d
     proof->slack = CONEMAP__VERIFY_APEX + (1.0 + 1.0 / 64.0) * report->worst + 1.0 / 1048576.0;
 }
 
+/* Do differences left..right, up..down from p to q reach into the sector, or with `whole` into its quadrant? Those that
+   only touch it can be left: the same points lie in other rectangles too, or are the limit of points inside. */
+CONEMAP__INLINE int conemap__sees_box(const conemap__proof *proof, double left, double right, double up, double down,
+                                      int whole) {
+    double x = proof->sector.su > 0 ? right : -left, y = proof->sector.sv > 0 ? down : -up;
+    if ((x <= 0.0 && proof->info->width > 1) || (y <= 0.0 && proof->info->height > 1)) return 0;
+    if (proof->sector.major == 0 || whole) return 1;
+    return proof->sector.major == 1 ? x > (proof->sector.sv > 0 ? up : -down) : y > (proof->sector.su > 0 ? left : -right);
+}
+
+CONEMAP__INLINE int conemap__sees_patch(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
+    return proof->sector.su == 0 ||
+           conemap__sees_box(proof, q->x - p->x - p->sx, q->x + q->sx - p->x, q->y - p->y - p->sy, q->y + q->sy - p->y,
+                             proof->sector.major != 0 && conemap__by_border_pair(proof, p, q));
+}
+
+/* The same for points of theirs, (dx, dy) texels from p to q, border included. */
+CONEMAP__INLINE int conemap__sees_point(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q,
+                                        double dx, double dy) {
+    double x = dx * (double)proof->sector.su, y = dy * (double)proof->sector.sv;
+    if (x < 0.0 || y < 0.0) return 0;
+    return proof->sector.major == 0 || (proof->sector.major == 1 ? x >= y : y >= x) ||
+           conemap__by_border_pair(proof, p, q);
+}
+
 /* Settles apices p against the surface q, or halves one of them. */
 static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const conemap__patch *q, int depth) {
     const conemap_info *info = &proof->map->info;
     double a = proof->a, b = proof->b, aa = a * a, bb = b * b, slack = proof->slack;
     double t = conemap__most4(p->t), low = conemap__least4(p->h), gap = conemap__most4(q->h) - low - slack;
     double reach = gap * t, nx, ny, least2, spread, mixed;
-    int i, j, done, spanned, capped;
+    int i, j, done, spanned, capped, half_x, half_y;
     conemap__patch first, second;
-    if (!(reach > 0.0)) return;
+    if (!(reach > 0.0) || !conemap__sees_patch(proof, p, q)) return;
     nx = conemap__maxd(0.0, conemap__maxd(q->x - p->x - p->sx, p->x - q->x - q->sx));
     ny = conemap__maxd(0.0, conemap__maxd(q->y - p->y - p->sy, p->y - q->y - q->sy));
     least2 = nx * nx * aa + ny * ny * bb;
@@ -3829,16 +4321,22 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
         return;
     }
     capped = info->texture.encoding == CONEMAP_RADIUS && t >= (double)info->max_tan;
-    mixed = capped ? 0.0 : 0.25 * (t - conemap__least4(p->t)) * (conemap__most4(p->h) - low);
-    spread = 0.25 * ((p->sx * p->sx + q->sx * q->sx) * aa + (p->sy * p->sy + q->sy * q->sy) * bb);
+    half_x = proof->sector.su != 0 && p->x == q->x && p->sx == q->sx;
+    half_y = proof->sector.sv != 0 && p->y == q->y && p->sy == q->sy;
+    mixed = conemap__most4(p->h) - low;
+    if (half_x || half_y) mixed += conemap__most4(q->h) - conemap__least4(q->h);
+    mixed *= capped ? 0.0 : 0.25 * (t - conemap__least4(p->t));
+    spread = 0.25 * (((half_x ? 0.0 : p->sx * p->sx) + q->sx * q->sx) * aa +
+                     ((half_y ? 0.0 : p->sy * p->sy) + q->sy * q->sy) * bb);
     done = least2 > 1.25 * spread; /* below that the difference in (b) is all rounding */
     for (i = 0; i < 4; ++i)
         for (j = 0; j < 4; ++j) {
             double dx = q->x + (j & 1 ? q->sx : 0.0) - p->x - (i & 1 ? p->sx : 0.0);
             double dy = q->y + (j & 2 ? q->sy : 0.0) - p->y - (i & 2 ? p->sy : 0.0);
             double d2 = dx * dx * aa + dy * dy * bb, rise = q->h[j] - p->h[i] - slack, side;
+            if ((half_x && dx * (double)proof->sector.su < 0.0) || (half_y && dy * (double)proof->sector.sv < 0.0)) continue;
             side = (rise - 2.0 * CONEMAP__VERIFY_GRAIN) * p->t[i];
-            if (side > 0.0 && side * side > d2) { /* the corner tangents are exact, so this one is real */
+            if (side > 0.0 && side * side > d2 && conemap__sees_point(proof, p, q, dx, dy)) { /* the corner tangents are exact, so this one is real */
                 conemap__witness(proof, p->x + (i & 1 ? p->sx : 0.0), p->y + (i & 2 ? p->sy : 0.0),
                                  q->h[j] - p->h[i] - CONEMAP__VERIFY_APEX - sqrt(d2) / p->t[i]);
                 done = 0;
@@ -3873,39 +4371,49 @@ CONEMAP__INLINE int conemap__cells_between(int cell, int begin, int end) {
     return conemap__maxi(0, conemap__maxi(begin - cell - 1, cell - end));
 }
 
-/* A block of the cells' pyramid and the period that it is seen in. */
+/* A block of the cells' pyramid. */
 typedef struct conemap__seen_block {
-    int level, x, y, period_u, period_v;
+    int level, x, y;
 } conemap__seen_block;
 
-/* Holds a cell of apices against the whole surface, in one pass. */
-static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *apices) {
+/* May a block `cells` cells away, beside a wrapping border, be left because another image of all of it is as near? Half the
+   way round in all directions, the whole way in a quadrant and along an octant's minor axis. */
+CONEMAP__INLINE int conemap__repeats(const conemap__proof *proof, int cells, int size, int axis) {
+    if (proof->sector.su == 0) return 2 * cells > size;
+    return proof->sector.major != axis && cells >= size;
+}
+
+/* Holds a cell of apices against one period of the surface. */
+static void conemap__prove_period(conemap__proof *proof, const conemap__patch *apices, int period_u, int period_v) {
     const conemap_map *map = proof->map;
     const conemap_pyramid *cells = &map->cells;
-    conemap__seen_block stack[9 + 4 * 17], block; /* every period's root; three siblings a level wait */
-    int count = 0, images_u = map->info.wrap_u == CONEMAP_WRAP && map->info.width > 1;
+    conemap__seen_block stack[1 + 4 * 17], block; /* three siblings a level wait */
+    int count = 1, images_u = map->info.wrap_u == CONEMAP_WRAP && map->info.width > 1;
     int images_v = map->info.wrap_v == CONEMAP_WRAP && map->info.height > 1, k, i = apices->i, j = apices->j;
     double t = conemap__most4(apices->t), low = conemap__least4(apices->h);
     conemap__patch surface;
-    for (k = 8; k >= 0; --k) { /* the period itself comes off the stack first */
-        static const int period[9] = {0, 0, 0, -1, 1, -1, -1, 1, 1}, other[9] = {0, -1, 1, 0, 0, -1, 1, -1, 1};
-        if ((period[k] != 0 && !images_u) || (other[k] != 0 && !images_v)) continue;
-        block.level = cells->levels - 1;
-        block.x = block.y = 0;
-        block.period_u = period[k] * map->info.width;
-        block.period_v = other[k] * map->info.height;
-        stack[count++] = block;
-    }
+    stack[0].level = cells->levels - 1;
+    stack[0].x = stack[0].y = 0;
     while (count > 0 && proof->work > 0) {
         int x0, y0, nu, nv, nearest;
         double highest, reach, du, dv;
         block = stack[--count];
-        x0 = (block.x << block.level) + block.period_u;
-        y0 = (block.y << block.level) + block.period_v;
+        x0 = (block.x << block.level) + period_u * map->info.width;
+        y0 = (block.y << block.level) + period_v * map->info.height;
         nu = conemap__cells_between(i, x0, x0 + (1 << block.level));
         nv = conemap__cells_between(j, y0, y0 + (1 << block.level));
-        if ((images_u && 2 * nu > map->info.width) || (images_v && 2 * nv > map->info.height))
-            continue; /* another image of all this is nearer */
+        if ((images_u && conemap__repeats(proof, nu, map->info.width, 1)) ||
+            (images_v && conemap__repeats(proof, nv, map->info.height, 2)))
+            continue;
+        if (proof->sector.su != 0) {
+            int size = 1 << block.level, x = block.x << block.level, y = block.y << block.level;
+            int whole = proof->sector.major != 0 &&
+                        (conemap__border_cell(proof->info, i, j) ||
+                         conemap__texels_by_border(proof->info, x + 1, x + size - 1, y + 1, y + size - 1));
+            if (!conemap__sees_box(proof, (double)(x0 - i - 1), (double)(x0 + size - i), (double)(y0 - j - 1),
+                                   (double)(y0 + size - j), whole))
+                continue;
+        }
         highest = block.level > 0 ? (double)conemap__block_max(cells, block.level, block.x, block.y)
                                   : (double)conemap__cell_max(map, block.x, block.y);
         reach = (highest - low - proof->slack) * t;
@@ -3929,13 +4437,32 @@ static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *api
     if (count > 0) proof->open = 1;
 }
 
-/* Holds cell (i, j) against the whole surface. First passes that give up early find most witnesses at once, where
-   one deep pass would spend its work on the first narrow place. */
-static void conemap__prove_cell(conemap__proof *proof, int i, int j) {
+/* How many periods away along an axis something may be seen: see conemap__images. */
+static int conemap__seen_periods(const conemap__proof *proof, const conemap__patch *apices, int along_v) {
+    const conemap_info *info = &proof->map->info;
+    int size = along_v ? info->height : info->width, other = along_v ? info->width : info->height;
+    double period = (double)size * (along_v ? proof->b : proof->a), reach;
+    if ((along_v ? info->wrap_v : info->wrap_u) != CONEMAP_WRAP || size == 1) return 0;
+    if (proof->sector.major == 0) return 1;
+    reach = conemap__most4(apices->t) * (1.0 - conemap__least4(apices->h)) / period;
+    return 1 + (int)conemap__mind(reach, (double)(2 + other / size));
+}
+
+/* Holds a cell of apices against the whole surface, in one pass: the period itself first, then its neighbours. */
+static void conemap__prove_pass(conemap__proof *proof, const conemap__patch *apices) {
+    int periods_u = conemap__seen_periods(proof, apices, 0), periods_v = conemap__seen_periods(proof, apices, 1), a, b;
+    conemap__prove_period(proof, apices, 0, 0);
+    for (b = -periods_v; b <= periods_v; ++b)
+        for (a = -periods_u; a <= periods_u; ++a)
+            if ((a != 0 || b != 0) && a * proof->sector.su >= 0 && b * proof->sector.sv >= 0)
+                conemap__prove_period(proof, apices, a, b);
+}
+
+/* Holds cell (i, j) with the cones of one sector against the whole surface. First passes that give up early find most
+   witnesses at once, where one deep pass would spend its work on the first narrow place. */
+static void conemap__prove_cell(conemap__proof *proof, const conemap__patch *apices) {
     static const int depths[] = {16, 24, 36, CONEMAP__VERIFY_DEPTH};
-    conemap__patch apices;
     int pass;
-    conemap__whole_patch(proof, i, j, 1, &apices);
     proof->slack = CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN;
     proof->found = 0;
     proof->open = 1;
@@ -3943,30 +4470,29 @@ static void conemap__prove_cell(conemap__proof *proof, int i, int j) {
         proof->depth = depths[pass];
         proof->work = CONEMAP__VERIFY_WORK;
         proof->open = 0;
-        conemap__prove_pass(proof, &apices);
+        conemap__prove_pass(proof, apices);
     }
-    if (proof->found)
-        ++proof->report->unsafe;
-    else if (proof->open)
-        ++proof->report->unproven;
 }
 
 static conemap_result conemap__check_verify(const conemap_info *info, const float *heights, const float *cones) {
     size_t count, k;
+    conemap_result result;
     if (info->width < 1 || info->height < 1 || info->width > CONEMAP_MAX_SIZE || info->height > CONEMAP_MAX_SIZE)
         return CONEMAP_ERROR_SIZE;
-    if (!CONEMAP__KNOWN(info->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(info->wrap_v, CONEMAP_WRAP_COUNT) ||
-        conemap__check_texture(&info->texture) != CONEMAP_OK)
+    if (!CONEMAP__KNOWN(info->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(info->wrap_v, CONEMAP_WRAP_COUNT))
         return CONEMAP_ERROR_ENUM;
+    result = conemap__check_texture(&info->texture);
+    if (result != CONEMAP_OK) return result;
     if (!conemap__in_range(info->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(info->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT))
         return CONEMAP_ERROR_PARAMETER;
     if ((size_t)info->width > SIZE_MAX / sizeof(float) / (size_t)info->height) return CONEMAP_ERROR_OVERFLOW;
     count = (size_t)info->width * (size_t)info->height;
-    for (k = 0; k < count; ++k) {
+    if ((size_t)conemap__planes(info) > SIZE_MAX / sizeof(float) / count) return CONEMAP_ERROR_OVERFLOW;
+    for (k = 0; k < count; ++k)
         if (!conemap__in_range(heights[k], 0.0f, 1.0f)) return CONEMAP_ERROR_HEIGHT;
+    for (k = 0; k < count * (size_t)conemap__planes(info); ++k)
         if (!conemap__in_range(cones[k], 0.0f, CONEMAP__FAR)) return CONEMAP_ERROR_PARAMETER;
-    }
     return CONEMAP_OK;
 }
 
@@ -3975,17 +4501,19 @@ static int conemap__inner_cells(int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP ? size : conemap__maxi(1, size - 1);
 }
 
-/* The steepest ascent of the whole surface. */
+/* The steepest ascent of the whole surface in the directions of the sector's quadrant. */
 static double conemap__steepest_of_all(const conemap__proof *proof, int cells_u, int cells_v) {
     double rise_u = 0.0, rise_v = 0.0;
+    double left = proof->sector.su > 0 ? 0.0 : -1.0, right = proof->sector.su < 0 ? 0.0 : 1.0;
+    double up = proof->sector.sv > 0 ? 0.0 : -1.0, down = proof->sector.sv < 0 ? 0.0 : 1.0;
     int i, j;
     for (j = 0; j < cells_v; ++j)
         for (i = 0; i < cells_u; ++i) {
             conemap__corners c = conemap__gather(proof->map->heights, conemap__cell_quad(proof->map, i, j));
-            double low = (double)c.h10 - (double)c.h00, high = (double)c.h11 - (double)c.h01;
-            double left = (double)c.h01 - (double)c.h00, right = (double)c.h11 - (double)c.h10;
-            rise_u = conemap__maxd(rise_u, conemap__ascent(low, high, -1.0, 1.0));
-            rise_v = conemap__maxd(rise_v, conemap__ascent(left, right, -1.0, 1.0));
+            double x0 = (double)c.h10 - (double)c.h00, x1 = (double)c.h11 - (double)c.h01;
+            double y0 = (double)c.h01 - (double)c.h00, y1 = (double)c.h11 - (double)c.h10;
+            rise_u = conemap__maxd(rise_u, conemap__ascent(x0, x1, left, right));
+            rise_v = conemap__maxd(rise_v, conemap__ascent(y0, y1, up, down));
         }
     rise_u = proof->a > 0.0 ? rise_u / proof->a : 0.0;
     rise_v = proof->b > 0.0 ? rise_v / proof->b : 0.0;
@@ -4001,8 +4529,8 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
     void *memory = NULL;
     unsigned char *cursor;
     size_t bytes = 0;
-    double steepest;
-    int owns = 0, cells_u, cells_v, i, j;
+    double steepest[8];
+    int owns = 0, cells_u, cells_v, i, j, k;
     if (!report) return CONEMAP_ERROR_NULL;
     memset(report, 0, sizeof *report);
     if (!info || !heights || !cones) return CONEMAP_ERROR_NULL;
@@ -4035,17 +4563,32 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
 
     memset(&proof, 0, sizeof proof);
     proof.map = &map;
+    proof.info = info;
     proof.report = report;
     proof.a = info->width > 1 ? 1.0 / (double)info->width : 0.0;
     proof.b = info->height > 1 ? (double)info->aspect / (double)info->height : 0.0;
-    steepest = conemap__steepest_of_all(&proof, cells_u, cells_v);
+    for (k = 0; k < conemap__planes(info); ++k) {
+        proof.sector = conemap__make_sector(info, k);
+        steepest[k] = conemap__steepest_of_all(&proof, cells_u, cells_v);
+    }
     for (j = 0; j < cells_v; ++j)
         for (i = 0; i < cells_u; ++i) {
             conemap__patch patch;
-            conemap__whole_patch(&proof, i, j, 1, &patch);
-            /* (c) for the whole surface; no point of it rises by more than 1. */
-            if (conemap__most4(patch.t) * steepest > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)
-                conemap__prove_cell(&proof, i, j);
+            int found = 0, open = 0;
+            for (k = 0; k < conemap__planes(info); ++k) {
+                map.cones = cones + (size_t)k * conemap__texels(&map);
+                proof.sector = conemap__make_sector(info, k);
+                conemap__whole_patch(&proof, i, j, 1, &patch);
+                /* (c) for the whole surface; no point of it rises by more than 1. */
+                if (!(conemap__most4(patch.t) * steepest[k] > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)) continue;
+                conemap__prove_cell(&proof, &patch);
+                found |= proof.found;
+                open |= proof.open;
+            }
+            if (found)
+                ++report->unsafe;
+            else if (open)
+                ++report->unproven;
         }
     report->cells = (size_t)cells_u * (size_t)cells_v;
     conemap__release(&memory_from, memory, owns);
@@ -4075,6 +4618,7 @@ typedef struct conemap__walk {
     double z_end;       /* exact height at t_end */
     int base_i, base_j; /* the base cell on the map */
     int i, j;           /* the cell now, from the base cell */
+    const float *cones; /* of the ray's sector */
     conemap_status end_status; /* of a ray that reaches t_end above the surface */
     /* back to the caller's units, and the ray for its positions */
     double t_start, t_scale;
@@ -4169,6 +4713,7 @@ static int conemap__enter(const conemap_map *map, const conemap_ray *ray, conema
 
     memset(walk, 0, sizeof *walk);
     walk->ray = ray;
+    walk->cones = map->cones + (size_t)conemap__sector_number(info, v[0], v[1]) * conemap__texels(map);
     walk->t_scale = power;
     walk->end_status = !in_box                       ? CONEMAP_LEFT
                        : box_out == 3                ? CONEMAP_T_MAX
@@ -4232,7 +4777,7 @@ CONEMAP__INLINE double conemap__place(double p, double v, double t, int cell) {
 
 /* Height and cone under the ray in the present cell. */
 CONEMAP__INLINE conemap__mix conemap__under(const conemap_map *map, const conemap__walk *walk) {
-    return conemap__sample_cell(map, conemap__walk_quad(map, walk),
+    return conemap__sample_cell(map, walk->cones, conemap__walk_quad(map, walk),
                                 (float)conemap__place(walk->px, walk->vx, walk->t, walk->i),
                                 (float)conemap__place(walk->py, walk->vy, walk->t, walk->j));
 }

@@ -7,7 +7,8 @@ static void print_help(void) {
     puts("bake INPUT -o OUT.cone: bake a heightmap into a cone map\n\n"
          "Output\n"
          "  -o FILE.cone            baked bytes for conemap_load\n"
-         "  --raw FILE              the bare texture as well, or instead, for an upload as it is\n"
+         "  --raw FILE              the bare texture as well, or instead, for an upload as it is; with --sectors\n"
+         "                          its textures one after the other\n"
          "  --pitch BYTES           of the bare texture: bytes from row to row (rows touch)\n"
          "  --info FILE.cone        tell what is in a baked file, and do nothing else\n"
          "  --verify                prove that no interpolated cone cuts the surface, and fail if one does;\n"
@@ -42,6 +43,7 @@ static int print_info(const char *path) {
            name_of(encoding_names, (int)info.texture.encoding));
     printf("texture    %s, %s%s\n", name_of(layout_names, (int)info.texture.layout),
            name_of(format_names, (int)info.texture.format), info.texture.per_cell ? ", a cone for each cell" : "");
+    if (info.texture.sectors > 1) printf("sectors    %d\n", info.texture.sectors);
     printf("heights    hash %08lx%08lx\n", (unsigned long)(info.height_hash >> 32),
            (unsigned long)(info.height_hash & 0xffffffffu));
     conemap_map map;
@@ -79,11 +81,21 @@ static int write_cone(const conemap_map *map, const char *path, size_t *size) {
 }
 
 static int write_raw(const conemap_map *map, const char *path, size_t pitch, size_t *size) {
-    *size = conemap_texture_size(map, pitch);
-    if (!*size) return fail("--pitch %zu is below a row's %zu bytes", pitch, conemap_row_size(map));
-    unsigned char *bytes = (unsigned char *)calloc(*size, 1);
+    *size = 0;
+    for (int t = 0; t < conemap_texture_count(map); ++t) {
+        size_t bytes = conemap_texture_size_at(map, t, pitch);
+        if (!bytes) return fail("--pitch %zu is below a row's %zu bytes", pitch, conemap_row_size_at(map, t));
+        if (bytes > SIZE_MAX - *size) return fail("%s: too large for the memory at hand", path);
+        *size += bytes;
+    }
+    unsigned char *bytes = (unsigned char *)calloc(*size, 1), *next = bytes;
     if (!bytes) return fail("%s: too large for the memory at hand", path);
-    conemap_result result = conemap_write_texture(map, bytes, *size, pitch);
+    conemap_result result = CONEMAP_OK;
+    for (int t = 0; t < conemap_texture_count(map) && result == CONEMAP_OK; ++t) {
+        size_t part = conemap_texture_size_at(map, t, pitch);
+        result = conemap_write_texture_at(map, t, next, part, pitch);
+        next += part;
+    }
     int good = result == CONEMAP_OK ? write_file(path, bytes, *size) : fail_result(path, result);
     free(bytes);
     return good;
@@ -139,9 +151,9 @@ int main(int argc, char **argv) {
     int good = (!out || write_cone(&map, out, &size)) && (!raw || write_raw(&map, raw, pitch, &raw_size));
     if (good) {
         const conemap_texture *texture = &map.info.texture;
-        printf("%d x %d, %s%s, %s %s %s, mean min(tan, 1) %.4f, %zu bytes, %.2f s\n", map.info.width,
-               map.info.height, name_of(generator_names, (int)map.info.generator),
-               map.info.min3x3 ? " min3x3" : "", name_of(layout_names, (int)texture->layout),
+        printf("%d x %d, %s%s%s, %s %s %s, mean min(tan, 1) %.4f, %zu bytes, %.2f s\n", map.info.width,
+               map.info.height, name_of(generator_names, (int)map.info.generator), map.info.min3x3 ? " min3x3" : "",
+               texture->sectors > 1 ? texture->sectors == 4 ? " 4 sectors" : " 8 sectors" : "", name_of(layout_names, (int)texture->layout),
                name_of(format_names, (int)texture->format), name_of(encoding_names, (int)texture->encoding),
                mean_tan(&map), out ? size : raw ? raw_size : conemap_save_size(&map), took);
         if (out) puts(out);
@@ -149,10 +161,11 @@ int main(int argc, char **argv) {
         if (raw) {
             conemap_format_numbers numbers;
             puts(raw);
-            if (conemap_get_format_numbers(texture, &numbers) == CONEMAP_OK)
-                printf("  row pitch %zu, %d channels, DXGI_FORMAT %u, VkFormat %u, GL 0x%04X 0x%04X 0x%04X\n",
-                       pitch ? pitch : conemap_row_size(&map), numbers.channels, numbers.dxgi, numbers.vulkan,
-                       numbers.gl_internal, numbers.gl_format, numbers.gl_type);
+            for (int t = 0; t < conemap_texture_count(&map); ++t)
+                if (conemap_get_format_numbers_at(texture, t, &numbers) == CONEMAP_OK)
+                    printf("  row pitch %zu, %d channels, DXGI_FORMAT %u, VkFormat %u, GL 0x%04X 0x%04X 0x%04X\n",
+                           pitch ? pitch : conemap_row_size_at(&map, t), numbers.channels, numbers.dxgi, numbers.vulkan,
+                           numbers.gl_internal, numbers.gl_format, numbers.gl_type);
         }
     }
     conemap_free(&map);

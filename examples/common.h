@@ -874,7 +874,8 @@ static EXAMPLE_UNUSED void print_build_help(void) {
          "  --format NAME           f32 (default), f16, unorm16, unorm8\n"
          "  --encoding NAME         linear (default), sqrt, radius\n"
          "  --layout NAME           height-cone (default), cone, dummer\n"
-         "  --per-cell              one cone for each bilinear cell, to be fetched without filtering");
+         "  --per-cell              one cone for each bilinear cell, to be fetched without filtering\n"
+         "  --sectors 1|4|8         one cone for each sector of directions, in textures of four channels (1)");
 }
 
 /* Takes the current argument if it is about the input or the build. */
@@ -905,6 +906,7 @@ static EXAMPLE_UNUSED int map_option(struct args *args, struct map_options *o) {
         else if (arg_is(args, "--guarantee"))
             desc->guarantee = (conemap_guarantee)arg_name(args, guarantee_names);
         else if (arg_is(args, "--per-cell")) desc->texture.per_cell = 1;
+        else if (arg_is(args, "--sectors")) desc->texture.sectors = arg_int(args, 1, 8);
         else if (arg_is(args, "--slack")) desc->slack = arg_float(args, 0.0, 16.0);
         else if (arg_is(args, "--min3x3")) desc->min3x3 = 1;
         else if (arg_is(args, "--wrap"))
@@ -1004,12 +1006,14 @@ static EXAMPLE_UNUSED int map_open(struct map_options *o, int keep_pyramid, cone
 /* The usual measure of how wide cones are: the mean of min(tan, 1). */
 static EXAMPLE_UNUSED double mean_tan(const conemap_map *map) {
     size_t count = (size_t)map->info.width * (size_t)map->info.height;
+    int sectors = map->info.texture.sectors > 1 ? map->info.texture.sectors : 1;
     double sum = 0;
-    for (size_t i = 0; i < count; ++i) {
-        double tan = (double)conemap_decode(&map->info, map->heights[i], map->cones[i]);
-        sum += tan < 1 ? tan : 1;
-    }
-    return sum / (double)count;
+    for (int s = 0; s < sectors; ++s)
+        for (size_t i = 0; i < count; ++i) {
+            double tan = (double)conemap_decode(&map->info, map->heights[i], map->cones[(size_t)s * count + i]);
+            sum += tan < 1 ? tan : 1;
+        }
+    return sum / ((double)count * sectors);
 }
 
 static EXAMPLE_UNUSED double seconds(void) {

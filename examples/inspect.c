@@ -163,40 +163,44 @@ static int draw_slopes(const conemap_map *map, const char *prefix, float gain, u
 static int inspect(const conemap_map *map, const char *prefix, float slope_gain) {
     const conemap_info *info = &map->info;
     size_t count = (size_t)info->width * (size_t)info->height;
+    int sectors = info->texture.sectors > 1 ? info->texture.sectors : 1;
+    size_t cones = count * (size_t)sectors;
     unsigned char *pixels = (unsigned char *)malloc(count);
-    float *tans = (float *)malloc(count * sizeof *tans), *roots = (float *)malloc(count * sizeof *roots);
+    float *tans = (float *)malloc(cones * sizeof *tans), *roots = (float *)malloc(cones * sizeof *roots);
     unsigned long bins[BINS], root_bins[BINS];
     int good = pixels && tans && roots;
     if (!good) fail("too large for the memory at hand");
     if (good) {
-        for (size_t i = 0; i < count; ++i) {
-            tans[i] = conemap_decode(info, map->heights[i], map->cones[i]);
+        for (size_t i = 0; i < cones; ++i) {
+            tans[i] = conemap_decode(info, map->heights[i % count], map->cones[i]);
             roots[i] = sqrtf(tans[i]);
         }
         for (size_t i = 0; i < count; ++i) pixels[i] = grey((double)map->heights[i]);
         good = write_picture(prefix, "height", pixels, info->width, info->height, 1);
     }
-    if (good) {
-        for (size_t i = 0; i < count; ++i) pixels[i] = grey((double)tans[i]);
-        good = write_picture(prefix, "tan", pixels, info->width, info->height, 1);
+    for (int s = 0; s < sectors && good; ++s) { /* a sector's pictures end in its number */
+        const float *tan = tans + (size_t)s * count, *root = roots + (size_t)s * count;
+        char name[32], root_name[32];
+        snprintf(name, sizeof name, sectors > 1 ? "tan-%d" : "tan", s);
+        snprintf(root_name, sizeof root_name, sectors > 1 ? "sqrt-tan-%d" : "sqrt-tan", s);
+        for (size_t i = 0; i < count; ++i) pixels[i] = grey((double)tan[i]);
+        good = write_picture(prefix, name, pixels, info->width, info->height, 1);
+        for (size_t i = 0; i < count; ++i) pixels[i] = grey((double)root[i]);
+        good = good && write_picture(prefix, root_name, pixels, info->width, info->height, 1);
     }
     if (good) {
-        for (size_t i = 0; i < count; ++i) pixels[i] = grey((double)roots[i]);
-        good = write_picture(prefix, "sqrt-tan", pixels, info->width, info->height, 1);
-    }
-    if (good) {
-        count_bins(tans, count, bins);
-        count_bins(roots, count, root_bins);
+        count_bins(tans, cones, bins);
+        count_bins(roots, cones, root_bins);
         good = draw_histogram(prefix, "histogram-tan", bins) &&
                draw_histogram(prefix, "histogram-sqrt-tan", root_bins);
     }
     if (good) {
         print_spread("height", map->heights, count);
-        print_spread("tan", tans, count);
-        print_spread("sqrt(tan)", roots, count);
+        print_spread("tan", tans, cones);
+        print_spread("sqrt(tan)", roots, cones);
         printf("min(tan,1) mean %.6f\n", mean_tan(map));
-        print_histogram("tan", bins, count);
-        print_histogram("sqrt(tan)", root_bins, count);
+        print_histogram("tan", bins, cones);
+        print_histogram("sqrt(tan)", root_bins, cones);
         good = draw_slopes(map, prefix, slope_gain, pixels, roots);
     }
     free(roots);
@@ -223,6 +227,7 @@ static int compare(const conemap_map *map, const conemap_desc *settings,
         desc.max_tan = map->info.max_tan;
         desc.texture = map->info.texture;
         desc.texture.layout = CONEMAP_HEIGHT_CONE;
+        desc.texture.sectors = 0; /* which few generators know */
         desc.generator = generators[k];
         if (!build_with_progress(&desc, &maps[k], name_of(generator_names, (int)generators[k]))) {
             conemap_free(&maps[0]);

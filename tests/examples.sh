@@ -63,6 +63,14 @@ refuses build/bake $map -o "$dir/x.cone" --max-tan -1
 printf 'P2 4 3 9\n0 1 2 3\n4 5 6 7\n8 9 0 1\n' >"$dir/tiny.pgm"
 works build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee vertex --slack 0.5
 works build/bake --verify "$dir/good.cone"
+for sectors in 1 4 8; do
+    works build/bake --verify "$dir/tiny.pgm" -o "$dir/s.cone" --raw "$dir/s.bin" --sectors $sectors
+    works build/bake --info "$dir/s.cone"
+    works build/inspect "$dir/s.cone" -o "$dir/s-"
+    works build/render "$dir/s.cone" -o "$dir/s.ppm" --size 32x24
+done
+refuses build/bake "$dir/tiny.pgm" -o "$dir/s.cone" --sectors 3
+refuses build/bake "$dir/tiny.pgm" -o "$dir/s.cone" --sectors 4 --generator quick
 works build/bake --verify "$dir/tiny.pgm" -o "$dir/t.cone" --format unorm8
 refuses build/bake --verify $map -o "$dir/t.cone" --guarantee vertex
 refuses build/bake "$dir/tiny.pgm" -o "$dir/t.cone" --guarantee bilinear --generator ring

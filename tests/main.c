@@ -82,7 +82,7 @@ int main(int argument_count, char **arguments)
         {"truth", truth_tests},     {"oracle", oracle_tests},   {"safe", safe_tests},       {"updates", updates_tests}, {"verify", verify_tests}, {"stability", stability_tests},
               {"formats", formats_tests},
         {"samples", samples_tests}, {"tracers", tracers_tests}, {"builds", builds_tests},
-        {"inputs", inputs_tests},   {"header", header_tests},
+        {"inputs", inputs_tests},   {"header", header_tests},   {"directional", directional_tests},
         {"kernels", kernels_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;

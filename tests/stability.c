@@ -143,11 +143,12 @@ struct scene {
     double high;
 };
 
-static float scene_heights[MAX_TEXELS], scene_cones[MAX_TEXELS];
+static float scene_heights[MAX_TEXELS], scene_cones[8 * MAX_TEXELS];
 
 /* The same round is the same scene and the same rays, wherever and whenever it is run. */
 static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     static const int sizes[][2] = {{2, 2}, {3, 5}, {7, 4}, {16, 16}, {17, 17}, {31, 20}, {12, 33}, {48, 48}};
+    static const int sectors[] = {0, 0, 4, 8};
     const float square = zoo_below(random, 2) ? 1.0f : 0.0f;
     conemap_desc desc;
     int size = zoo_below(random, 8), w = sizes[size][0], h = sizes[size][1], x, y, k;
@@ -196,6 +197,7 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     desc.generator = CONEMAP_EXACT;
     desc.guarantee = CONEMAP_GUARANTEE_BILINEAR;
     desc.keep_pyramid = 1;
+    desc.texture.sectors = sectors[s->seed >> 12 & (s->kind == MAP_WIDE || s->kind == MAP_TALL ? 2u : 3u)];
     if (zoo_below(random, 8) == 0) desc.slack = zoo_between(random, 0.0f, 2.0f);
     if (!CHECK(conemap_build(&desc, &s->built[BUILT_PROVEN]) == CONEMAP_OK, "round %ld: proven cones", round))
         return 0;
@@ -214,6 +216,7 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     desc.max_tan = steepest > 1.0 / 16.0 ? (float)(0.999 / steepest) : 16.0f;
     desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
     desc.slack = 0.0f;
+    desc.texture.sectors = 0;
     desc.keep_pyramid = 0;
     if (desc.max_tan < 1.0f / 65536.0f) desc.max_tan = 1.0f / 65536.0f;
     k = conemap_build(&desc, &s->built[BUILT_NARROW]) == CONEMAP_OK;
@@ -223,7 +226,7 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     k = k && conemap_build(&desc, &s->built[BUILT_CORRECTED]) == CONEMAP_OK;
     if (!CHECK(k, "round %ld: build", round)) return 0;
 
-    for (k = 0; k < w * h; ++k) {
+    for (k = 0; k < w * h * (s->widened.info.texture.sectors > 1 ? s->widened.info.texture.sectors : 1); ++k) {
         scene_cones[k] = s->widened.cones[k] * (desc.texture.encoding == CONEMAP_SQRT ? 1.2247449f : 1.5f);
     }
     s->widened.cones = scene_cones;

@@ -27,14 +27,14 @@ static void trace_some(const conemap_map *map, const uint8_t *data, size_t size)
 static void mend_checksums(uint8_t *bytes, size_t size)
 {
     uint64_t hash;
-    if (size < 96) return;
+    if (size < 100) return;
     memcpy(bytes, conemap__file_magic, 8);
     conemap__put_word(bytes + 8, CONEMAP_VERSION);
-    conemap__put_word(bytes + 12, 96);
-    hash = conemap__hash_bytes(bytes + 96, size - 96);
-    conemap__put_word(bytes + 84, (uint32_t)hash);
-    conemap__put_word(bytes + 88, (uint32_t)(hash >> 32));
-    conemap__put_word(bytes + 92, (uint32_t)conemap__hash_bytes(bytes, 92));
+    conemap__put_word(bytes + 12, 100);
+    hash = conemap__hash_bytes(bytes + 100, size - 100);
+    conemap__put_word(bytes + 88, (uint32_t)hash);
+    conemap__put_word(bytes + 92, (uint32_t)(hash >> 32));
+    conemap__put_word(bytes + 96, (uint32_t)conemap__hash_bytes(bytes, 96));
 }
 
 static void load(const uint8_t *data, size_t size, int mended)
@@ -73,6 +73,7 @@ static void build(const uint8_t *data, size_t size)
     desc.generator = (conemap_generator)(data[9] % (CONEMAP_GENERATOR_COUNT + 1));
     desc.min3x3 = data[10] & 1;
     desc.ring_limit = data[11] % 5;
+    desc.texture.sectors = data[10] >> 1 & 7 ? 0 : data[11] / 5 % 10;
     desc.keep_pyramid = 1;
     memcpy(&desc.aspect, data + 12, 4);
     memcpy(&desc.max_tan, data + 16, 4);
