@@ -314,7 +314,7 @@ typedef struct conemap_desc {
                                the later batches out [BV24 section 5] and drops the guarantee; 0: no limit */
     float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
     int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
-    int keep_search;        /* nonzero: keep what lets conemap_update take time by the edit and not by the map; 5.4 bytes
+    int keep_search;        /* nonzero: keep what lets conemap_update take time by the edit and not by the map; 1.4 bytes
                                a texel. Of use where conemap_update searches a part only */
 
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
@@ -375,8 +375,7 @@ typedef struct conemap_map {
         conemap_pyramid texels; /* maxima over texels, while building */
         conemap_pyramid falling[4]; /* and over the cells that fall to the right or left, and down or up */
         float *heights, *cones, *plane;
-        float *folds;           /* the same with slack: planes, then rims of the bounds that were folded in */
-        float *rims;            /* bilinear guarantee: what each band knows of the rows above and below it */
+        float *cell_slopes;     /* bilinear guarantee: squared slopes inside cells, while `plane` has those from vertices */
         float texel_u, texel_v; /* a texel's size, aspect included */
         float search_u, search_v; /* the same as the search for cones counts it */
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
@@ -926,7 +925,7 @@ typedef struct conemap_skeleton {
         float blend;
         conemap_frustum *frusta;
         struct conemap__bone *bones;
-        struct conemap__node *tree;
+        struct conemap__branch *tree;
         int *order;         /* segments chain by chain, parents first */
         int *leaves;        /* segments as the tree's leaves name them */
         float (*boxes)[6];
@@ -1579,16 +1578,10 @@ CONEMAP__INLINE float conemap__cell_max(const conemap_map *map, int x, int y) {
                                                          y - conemap__first_cell(map->info.wrap_v))));
 }
 
-/* A value of level 0: a texel's height, or with `falling` a cell's highest corner if it falls (see CONEMAP_RELAXED_EXACT). */
+/* A value of level 0 of the falling cells (see CONEMAP_RELAXED_EXACT). */
 static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, int y);
 
-CONEMAP__INLINE float conemap__lowest_level(const conemap_map *map, const conemap_pyramid *pyramid, int x, int y) {
-    return pyramid == &map->build.texels ? conemap__height(map, x, y)
-                                         : conemap__falling_cell(map, (int)(pyramid - map->build.falling), x, y);
-}
-
-/* Blocks x0..x1 - 1, y0..y1 - 1 of level k from level k - 1. Level 0 of the texels is a copy of the heights; that of the
-   cells is not stored. */
+/* Blocks x0..x1 - 1, y0..y1 - 1 of level k from level k - 1. Level 0 of the cells is not stored. */
 static void conemap__pyramid_blocks(const conemap_map *map, conemap_pyramid *pyramid, int k, int x0, int x1, int y0,
                                     int y1) {
     int w = pyramid->width[k], h = pyramid->height[k], x, y;
@@ -1597,7 +1590,7 @@ static void conemap__pyramid_blocks(const conemap_map *map, conemap_pyramid *pyr
             float *children = conemap__children(pyramid, k, x / 2, y / 2);
             float highest;
             if (k == 0) {
-                highest = conemap__lowest_level(map, pyramid, x, y);
+                highest = conemap__falling_cell(map, (int)(pyramid - map->build.falling), x, y);
             } else if (pyramid->level[k - 1]) {
                 const float *below = conemap__children(pyramid, k - 1, x, y);
                 highest = conemap__max(conemap__max(below[0], below[1]), conemap__max(below[2], below[3]));
@@ -1628,6 +1621,42 @@ static void conemap__pyramid_strip(const conemap_map *map, conemap_pyramid *pyra
         conemap__pyramid_blocks(map, pyramid, k, 0, pyramid->width[k], strip * rows,
                                 conemap__mini((strip + 1) * rows, pyramid->height[k]));
     }
+}
+
+/* The maxima over texels are kept row by row instead, for the kernels; level 0 is the heights themselves. */
+static int conemap__maxima_plan(conemap_pyramid *pyramid, int width, int height, size_t *bytes) {
+    int k;
+    size_t unused = 0;
+    if (!conemap__pyramid_plan(pyramid, width, height, 0, &unused)) return 0;
+    for (k = 1; k < pyramid->levels; ++k)
+        if (!conemap__add_size(bytes, (size_t)pyramid->width[k] * (size_t)pyramid->height[k], sizeof(float))) return 0;
+    return 1;
+}
+
+CONEMAP__INLINE float *conemap__maxima(const conemap_pyramid *pyramid, int k, int y) {
+    return pyramid->level[k] + (size_t)y * (size_t)pyramid->width[k];
+}
+
+static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1);
+
+static void conemap__maxima_strip(const conemap_map *map, int strip) {
+    int k;
+    for (k = 1; k <= CONEMAP__STRIP_LEVELS && k < map->build.texels.levels; ++k) {
+        int rows = CONEMAP__STRIP >> k;
+        conemap__maxima_rows(map, k, strip * rows, conemap__mini((strip + 1) * rows, map->build.texels.height[k]));
+    }
+}
+
+static void conemap__maxima_top(const conemap_map *map) {
+    int k;
+    for (k = CONEMAP__STRIP_LEVELS + 1; k < map->build.texels.levels; ++k)
+        conemap__maxima_rows(map, k, 0, map->build.texels.height[k]);
+}
+
+/* Everything that depends on rows y0..y1 of the texels, both ends included. */
+static void conemap__maxima_region(const conemap_map *map, int y0, int y1) {
+    int k;
+    for (k = 1; k < map->build.texels.levels; ++k) conemap__maxima_rows(map, k, y0 >> k, (y1 >> k) + 1);
 }
 
 static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyramid) {
@@ -1688,6 +1717,63 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
 #include <wasm_simd128.h>
 #endif
 
+/* What the search for cones keeps from one tile to the next (see G E N E R A T I O N). */
+#define CONEMAP__TILE 8      /* texels along a tile's side */
+#define CONEMAP__NOTED 256
+typedef struct conemap__search {
+    float a, b;              /* a texel's size */
+    float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
+    float near2;             /* pairs closer than its root are left to others; 0 for vertex cones */
+    float widen2;            /* (1 + slack)^2 */
+    int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
+} conemap__search;
+
+/* A tile's texels in Morton order, so that any 4 of them are a group of 2 x 2, any 16 a block of 4 x 4. */
+typedef struct conemap__tile {
+    float height[CONEMAP__TILE * CONEMAP__TILE]; /* 2 for texels that are not searched */
+    float slope2[CONEMAP__TILE * CONEMAP__TILE]; /* in: what is known already; out: what was found */
+    float lowest[16], bar[16]; /* of each group: lowest texel; least slope2, less CONEMAP__MARGIN */
+    float folded[16], lane_folded[CONEMAP__TILE * CONEMAP__TILE]; /* the steepest bounds that slack alone pruned */
+    int32_t decider[CONEMAP__TILE * CONEMAP__TILE]; /* number in `noted`, 0 for none */
+    int noted, noted_x[CONEMAP__NOTED], noted_y[CONEMAP__NOTED];
+    int x, y;                /* of its first texel, as the image at hand counts */
+    int shift_x, shift_y;    /* that image's own shift */
+} conemap__tile;
+
+/* Where a tile's texels and groups lie: Morton order. */
+static const float conemap__lane_x[CONEMAP__TILE * CONEMAP__TILE] = {
+    0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3, 4, 5, 4, 5, 6, 7, 6, 7, 4, 5, 4, 5, 6, 7, 6, 7,
+    0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3, 4, 5, 4, 5, 6, 7, 6, 7, 4, 5, 4, 5, 6, 7, 6, 7};
+static const float conemap__lane_y[CONEMAP__TILE * CONEMAP__TILE] = {
+    0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3, 0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3,
+    4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7, 4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7};
+static const int32_t conemap__group_bit[16] = {1, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7,
+                                               1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15};
+static const float conemap__group_x[16] = {0, 2, 0, 2, 4, 6, 4, 6, 0, 2, 0, 2, 4, 6, 4, 6};
+static const float conemap__group_y[16] = {0, 0, 2, 2, 0, 0, 2, 2, 4, 4, 6, 6, 4, 4, 6, 6};
+
+/* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one after
+   (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
+typedef struct conemap__quick_level {
+    float p[3], q[3];
+    int32_t node[3], full; /* full: finer levels have seen everything */
+} conemap__quick_level;
+
+/* The same for 16 columns. */
+typedef struct conemap__quick_columns {
+    float p[17][3][16], q[17][3][16];
+    int32_t node[17][3][16], full[17][16];
+} conemap__quick_columns;
+
+/* A block that may hold something steeper for some of the tile's groups, a bit for each. */
+typedef struct conemap__node {
+    int k, x, y, groups;
+} conemap__node;
+
+/* Comparing products saves the division of a quotient: with three roundings less than this margin apart, a block is
+   dropped only if its rounded quotient is no more than s. */
+#define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
+
 /* The kernels of one instruction set. `count` is always in texels. */
 typedef struct conemap__kernels {
     /* Reads row y of the caller's heights as the texture will hold them; 0 if one is not a height. */
@@ -1698,10 +1784,33 @@ typedef struct conemap__kernels {
     void (*tangent_row)(const float *const *slopes2, int rows, float margin, float max_tan, int count, float *out);
     /* The widest stored values that decode to no more than the tangents. */
     void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
+    /* Maxima over 2 x 2 of two rows of `width`, which are the same row where the last has no partner. */
+    void (*maxima_row)(const float *above, const float *below, int width, float *out);
+    /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are null. */
+    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
+    /* Squares of the longest gradients of the cells between two rows. */
+    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, float *out);
+    /* Squares of what each texel sees of its own four cells, at least `least`. Missing rows are null. */
+    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
+    /* The steepest that a few neighbours make of it: maxima of dh^2 * inverse[k] over height differences to the texel
+       columns[k] to the right in rows[k]. */
+    void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n, int width,
+                     int wraps, int first, int count, float *out);
+    /* Maxima over n planes' rows, each shifted by so many columns; beyond a border it is repeated. */
+    void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first, int count,
+                         float *out);
+    /* [VB22] for up to 16 columns of a row: squared slopes, at least `least`. */
+    void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns, const conemap__quick_level *levels,
+                      const float *heights, float least, int count, float *out);
+    /* Raises a tile's slopes to the steepest there is. */
+    void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
 } conemap__kernels;
 
-#define CONEMAP__KERNEL_LIST(isa)                                                                          \
-    { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa }
+#define CONEMAP__KERNEL_LIST(isa)                                                                                  \
+    { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
+      conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
+      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__quick_row_##isa, \
+      conemap__search_tile_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -2328,135 +2437,164 @@ CONEMAP__INLINE float conemap__ring(const conemap_map *map, conemap_generator ge
     return s;
 }
 
+static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1) {
+    const conemap_pyramid *pyramid = &map->build.texels;
+    int y;
+    for (y = y0; y < y1; ++y)
+        conemap__kernels_of(map->isa)->maxima_row(
+            conemap__maxima(pyramid, k - 1, 2 * y),
+            conemap__maxima(pyramid, k - 1, conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1)),
+            pyramid->width[k - 1], conemap__maxima(pyramid, k, y));
+}
+
+/* Row j of a plane, by way of the wrap mode; null beyond the map. */
+static const float *conemap__row_of(const conemap_map *map, const float *plane, int j) {
+    if (map->info.wrap_v != CONEMAP_WRAP && (j < 0 || j >= map->info.height)) return NULL;
+    return plane + (size_t)conemap__repeat(j, map->info.height) * (size_t)map->info.width;
+}
+
+/* ---- the search for the steepest slopes, a tile of texels at a time --------------------------------------------
+
+   What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at least
+   as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: a block of the pyramid
+   is tested against the 16 groups of 2 x 2 texels, each with its lowest texel and its least slope so far, then against the
+   texels of those groups that are left; a group for which the block is in vain is left out below it. Texels are tested
+   against texels only at the bottom. The search
+   begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from there, so
+   near texels, which decide most often, come first, and ends with the images of a wrapping map.
+   With slack, a group or texel drops a block that could raise its slope by no more than the factor, and folds the block's
+   bound into its result. That depends on the order, which is always this one, whatever the lanes: a job's tiles row by row. */
+
+static conemap__search conemap__make_search(const conemap_map *map) {
+    conemap__search search;
+    memset(&search, 0, sizeof search);
+    search.a = map->build.search_u;
+    search.b = map->build.search_v;
+    search.widen2 = (1.0f + map->build.desc.slack) * (1.0f + map->build.desc.slack);
+    return search;
+}
+
+#define CONEMAP__RUN 256 /* texels worked on at a time, on the stack */
+enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
+CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what);
+
+/* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
+static void conemap__search_tile(const conemap_map *map, conemap__search *search, int x0, int y0, float *slopes) {
+    conemap__tile tile;
+    int w = map->info.width, h = map->info.height, k, n, any = 0;
+    unsigned char used[CONEMAP__NOTED];
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
+        int x = x0 + (int)conemap__lane_x[k], y = y0 + (int)conemap__lane_y[k];
+        tile.height[k] = 2.0f;
+        tile.slope2[k] = map->build.least_slope2;
+        tile.decider[k] = 0;
+        tile.lane_folded[k] = 0.0f;
+        if (x >= w || y >= h || !conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
+        tile.height[k] = conemap__height(map, x, y);
+        tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
+        any = 1;
+    }
+    if (!any) return;
+    tile.noted = 1;
+    tile.x = x0;
+    tile.y = y0;
+    conemap__kernels_of(map->isa)->search_tile(map, search, &tile);
+    memset(used, 0, sizeof used);
+    search->seeds = 0;
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
+        if (tile.height[k] > 1.0f) continue;
+        slopes[(size_t)(y0 + (int)conemap__lane_y[k]) * (size_t)w + (size_t)(x0 + (int)conemap__lane_x[k])] =
+            conemap__max(tile.slope2[k], conemap__max(tile.folded[k / 4], tile.lane_folded[k]));
+        n = tile.decider[k];
+        if (n == 0 || used[n]) continue;
+        used[n] = 1;
+        search->seed_x[search->seeds] = tile.noted_x[n];
+        search->seed_y[search->seeds++] = tile.noted_y[n];
+    }
+}
+
+/* ---- the search in one sector of directions, texel by texel -----------------------------------------------------
+
+   The same by itself for each texel, for a sector cuts through tiles and blocks. What slack prunes is folded in. */
+
 /* A block that may hold something steeper, waiting its turn: dh^2 of its maximum and d^2 of its nearest texel. */
 typedef struct conemap__candidate {
     float dh2, d2;
     int x, y, k;
 } conemap__candidate;
 
-/* Comparing products saves the division of a quotient: with three roundings less than this margin apart, a block is
-   dropped only if its rounded quotient is no more than s. */
-#define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
-
-/* One search after another, by one job. `band` is null for vertex cones. */
-struct conemap__band;
-typedef struct conemap__search {
-    const struct conemap__band *band;
-    float deflate;      /* V, taken off every squared distance: see the proof of conemap__safe_vertex, step 4 */
-    float near2;        /* pairs closer than its root are looked at closely; 0 for vertex cones */
-    float widen2;       /* (1 + slack)^2 */
-    float folded;       /* the steepest bound that was pruned by slack alone */
-    int best_i, best_j; /* what decided the last texel: neighbours often agree */
+/* One search after another, by one job. */
+typedef struct conemap__sector_search {
+    conemap__search common;
     conemap__sector sector; /* where it looks */
     int room;           /* eight sectors: 1 where a texel stands for the cells around it, 0 for vertex cones */
     int by_border;      /* the texel looks over its whole quadrant */
-} conemap__search;
-
-static conemap__search conemap__make_search(const conemap_map *map, int sector) {
-    conemap__search search;
-    memset(&search, 0, sizeof search);
-    search.sector = conemap__make_sector(&map->info, sector);
-    search.widen2 = (1.0f + map->build.desc.slack) * (1.0f + map->build.desc.slack);
-    return search;
-}
-
-/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded in;
-   near pairs are exempt, for their bound alone can be further off than that. */
-CONEMAP__INLINE int conemap__may_beat(conemap__search *search, float dh2, float d2, float s) {
-    float bar = s * d2 * CONEMAP__MARGIN;
-    if (!(dh2 > bar)) return 0;
-    if (search->widen2 > 1.0f && d2 > 0.0f && d2 + search->deflate >= search->near2 && !(dh2 > bar * search->widen2)) {
-        search->folded = conemap__max(search->folded, dh2 / d2);
-        return 0;
-    }
-    return 1;
-}
+    float folded;       /* the steepest bound that was pruned by slack alone */
+    int best_i, best_j; /* what decided the last texel: neighbours often agree */
+} conemap__sector_search;
 
 /* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As conemap__meets. */
-CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__search *search, int low_i, int high_i,
+CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i, int high_i,
                                           int low_j, int high_j, int i, int j, int *dx, int *dy) {
     int whole = search->sector.major != 0 && search->room &&
                 (search->by_border || conemap__texels_by_border(&map->info, low_i, high_i, low_j, high_j));
     return conemap__meets(search->sector, search->room, whole, low_i - i, high_i - i, low_j - j, high_j - j, dx, dy);
 }
 
-/* conemap__push_children for one sector. */
-static int conemap__push_seen(const conemap_map *map, conemap__search *search, int k, int x, int y, int i, int j,
+/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded in. */
+CONEMAP__INLINE int conemap__may_beat(conemap__sector_search *search, float dh2, float d2, float s) {
+    float bar = s * d2 * CONEMAP__MARGIN;
+    const conemap__search *common = &search->common;
+    if (!(dh2 > bar)) return 0;
+    if (common->widen2 > 1.0f && d2 > 0.0f && d2 + common->deflate >= common->near2 && !(dh2 > bar * common->widen2)) {
+        search->folded = conemap__max(search->folded, dh2 / d2);
+        return 0;
+    }
+    return 1;
+}
+
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
+   texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
+static int conemap__push_seen(const conemap_map *map, conemap__sector_search *search, int k, int x, int y, int i, int j,
                               float apex, float s, int skip, conemap__candidate *out) {
-    const float *maxima = conemap__children(&map->build.texels, k, x, y);
+    const conemap_pyramid *pyramid = &map->build.texels;
     int size = 1 << k, c, count = 0;
     int near_x = i >= size * (2 * x + 1), near_y = j >= size * (2 * y + 1);
     for (c = 3; c >= 0; --c) {
-        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y, left = size * (2 * x + across);
-        int low = size * (2 * y + down), di, dj;
-        float dh = maxima[2 * down + across] - apex, dx, dy, d2;
-        if (!(dh > 0.0f) || 2 * down + across == skip ||
+        int across = 2 * x + ((c & 1) ^ near_x), down = 2 * y + ((c >> 1) ^ near_y), left = size * across;
+        int low = size * down, di, dj;
+        float dh, dx, dy, d2;
+        if (across >= pyramid->width[k] || down >= pyramid->height[k]) continue;
+        dh = conemap__maxima(pyramid, k, down)[across] - apex;
+        if (!(dh > 0.0f) || 2 * (down & 1) + (across & 1) == skip ||
             !conemap__search_meets(map, search, left, left + size - 1, low, low + size - 1, i, j, &di, &dj))
             continue;
-        dx = (float)di * map->build.search_u;
-        dy = (float)dj * map->build.search_v;
-        d2 = dx * dx + dy * dy - search->deflate;
+        dx = (float)di * search->common.a;
+        dy = (float)dj * search->common.b;
+        d2 = dx * dx + dy * dy - search->common.deflate;
         if (!conemap__may_beat(search, dh * dh, d2, s)) continue;
         out[count].dh2 = dh * dh;
         out[count].d2 = d2;
-        out[count].x = 2 * x + across;
-        out[count].y = 2 * y + down;
+        out[count].x = across;
+        out[count].y = down;
         out[count].k = k;
         ++count;
     }
     return count;
 }
 
-/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
-   texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
-CONEMAP__INLINE int conemap__push_children(const conemap_map *map, conemap__search *search, int k, int x, int y, int i,
-                                           int j, float apex, float s, int skip, conemap__candidate *out) {
-    const float *maxima = conemap__children(&map->build.texels, k, x, y);
-    int size = 1 << k, left = 2 * size * x, low = 2 * size * y, c, count = 0;
-    int near_x = i >= left + size, near_y = j >= low + size;
-    float dx[2], dy[2], a = map->build.search_u, b = map->build.search_v;
-    if (search->sector.su != 0) return conemap__push_seen(map, search, k, x, y, i, j, apex, s, skip, out);
-    dx[0] = (float)conemap__maxi(0, conemap__maxi(left - i, i - (left + size - 1))) * a;
-    dx[1] = (float)conemap__maxi(0, conemap__maxi(left + size - i, i - (left + 2 * size - 1))) * a;
-    dy[0] = (float)conemap__maxi(0, conemap__maxi(low - j, j - (low + size - 1))) * b;
-    dy[1] = (float)conemap__maxi(0, conemap__maxi(low + size - j, j - (low + 2 * size - 1))) * b;
-    dx[0] *= dx[0];
-    dx[1] *= dx[1];
-    dy[0] *= dy[0];
-    dy[1] *= dy[1];
-    for (c = 3; c >= 0; --c) {
-        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y;
-        float dh = maxima[2 * down + across] - apex, dh2 = dh * dh, d2 = dx[across] + dy[down] - search->deflate;
-        if (dh > 0.0f && 2 * down + across != skip && conemap__may_beat(search, dh2, d2, s)) {
-            out[count].dh2 = dh2;
-            out[count].d2 = d2;
-            out[count].x = 2 * x + across;
-            out[count].y = 2 * y + down;
-            out[count].k = k;
-            ++count;
-        }
-    }
-    return count;
-}
-
-static float conemap__near_pair(const struct conemap__band *band, int ui, int uj, int vi, int vj, float best);
-
 /* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i, j). */
-CONEMAP__INLINE float conemap__open(const conemap_map *map, conemap__search *search, int i, int j, int shift_i,
-                                    int shift_j, float apex, float s, conemap__candidate *stack, int count) {
+static float conemap__open_seen(const conemap_map *map, conemap__sector_search *search, int i, int j, int shift_i,
+                                int shift_j, float apex, float s, conemap__candidate *stack, int count) {
     while (count > 0) {
         conemap__candidate c = stack[--count];
         float slope2;
         if (!conemap__may_beat(search, c.dh2, c.d2, s)) continue;
         if (c.k > 0) {
-            count += conemap__push_children(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1,
-                                            stack + count);
+            count += conemap__push_seen(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1, stack + count);
             continue;
         }
-        if (c.d2 + search->deflate < search->near2) {
-            s = conemap__max(s, conemap__near_pair(search->band, i, j, c.x + shift_i, c.y + shift_j, s));
-            continue;
-        }
+        if (c.d2 + search->common.deflate < search->common.near2) continue; /* left to conemap__near_row */
         slope2 = c.dh2 / c.d2;
         if (slope2 > s) {
             s = slope2;
@@ -2470,22 +2608,18 @@ CONEMAP__INLINE float conemap__open(const conemap_map *map, conemap__search *sea
 /* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image decides.
    In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow maps), unless
    nothing so far away can beat s. */
-static int conemap__images(const conemap_map *map, const conemap__search *search, int along_v, float apex, float s) {
+static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex, float s) {
     int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
-    float period = (float)size * (along_v ? map->build.search_v : map->build.search_u);
-    float room = conemap__block_max(&map->build.texels, map->build.texels.levels - 1, 0, 0) - apex, reach;
+    float period = (float)size * (along_v ? search->common.b : search->common.a);
+    float room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - apex, reach;
     if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
     if (search->sector.major == 0 || !(period > 0.0f)) return 1;
-    reach = sqrtf(room * room / s + search->deflate) * 1.0001f / period;
+    reach = sqrtf(room * room / s + search->common.deflate) * 1.0001f / period;
     return 1 + (int)conemap__min(reach, (float)(2 + other / size));
 }
 
-/* What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are
-   at least as large after rounding, so the same bits in any order. It starts at the texel's own block and goes up, so
-   near texels, which decide most often, come first; then the images of a wrapping map. s is what is known already.
-   With slack the order matters, and it is always this one: a job's texels, row by row, each with the guess of the one
-   before. */
-static float conemap__exact(const conemap_map *map, conemap__search *search, int i, int j, float s) {
+/* The steepest squared slope that texel (i, j) sees in the sector; s is what is known. */
+static float conemap__search_sector(const conemap_map *map, conemap__sector_search *search, int i, int j, float s) {
     conemap__candidate stack[3 * 17 + 4];
     const conemap_info *info = &map->info;
     int levels = map->build.texels.levels, w = info->width, h = info->height, k, a, b, images_u, images_v, di, dj;
@@ -2493,19 +2627,18 @@ static float conemap__exact(const conemap_map *map, conemap__search *search, int
     search->folded = 0.0f;
     search->by_border = search->sector.major != 0 && conemap__texels_by_border(info, i, i, j, j);
     if ((search->best_i != i || search->best_j != j) &&
-        (search->sector.su == 0 || conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j,
-                                                         search->best_j, i, j, &di, &dj))) {
-        float x = (float)(search->best_i - i) * map->build.search_u, y = (float)(search->best_j - j) * map->build.search_v;
+        conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j, search->best_j, i, j, &di, &dj)) {
+        float x = (float)(search->best_i - i) * search->common.a, y = (float)(search->best_j - j) * search->common.b;
         float d2 = x * x + y * y;
         dh = conemap__height(map, conemap__texel_index(search->best_i, w, info->wrap_u),
                              conemap__texel_index(search->best_j, h, info->wrap_v)) - apex;
-        if (dh > 0.0f && d2 > 0.0f && d2 >= search->near2)
-            s = conemap__max(s, dh * dh / (d2 - search->deflate));
+        if (dh > 0.0f && d2 > 0.0f && d2 >= search->common.near2)
+            s = conemap__max(s, dh * dh / (d2 - search->common.deflate));
     }
     for (k = 0; k + 1 < levels; ++k) {
         int own = (j >> k & 1) << 1 | (i >> k & 1);
-        int count = conemap__push_children(map, search, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
-        s = conemap__open(map, search, i, j, 0, 0, apex, s, stack, count);
+        int count = conemap__push_seen(map, search, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
+        s = conemap__open_seen(map, search, i, j, 0, 0, apex, s, stack, count);
     }
     images_u = conemap__images(map, search, 0, apex, s);
     images_v = conemap__images(map, search, 1, apex, s);
@@ -2513,10 +2646,10 @@ static float conemap__exact(const conemap_map *map, conemap__search *search, int
         for (a = -images_u; a <= images_u; ++a) {
             int count;
             if ((a == 0 && b == 0) || a * search->sector.su < 0 || b * search->sector.sv < 0) continue;
-            count = conemap__push_children(map, search, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
-            s = conemap__open(map, search, i, j, a * w, b * h, apex, s, stack, count);
+            count = conemap__push_seen(map, search, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
+            s = conemap__open_seen(map, search, i, j, a * w, b * h, apex, s, stack, count);
         }
-    return s;
+    return conemap__max(s, search->folded);
 }
 
 /* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
@@ -2570,62 +2703,43 @@ CONEMAP__INLINE int conemap__nearest_unseen(const conemap__blocks *b, int side, 
    its closest point. Algorithm 1 takes the closest point of the whole block; Algorithm 2 of what finer levels have
    not seen yet. That part of a diagonal block is an L: everything beyond the seen columns, or beyond the
    seen rows, so its closest point is the nearer of those two corners (the published code takes the far corner
-   where both hold, which is not conservative). The centre heuristic takes the middle of the block. */
-static float conemap__quick(const conemap_map *map, int i, int j, int improved, int center) {
-    conemap__window w = conemap__texel_window(map, i, j, 0);
-    const conemap_pyramid *pyramid = &map->build.texels;
-    float apex = conemap__height(map, i, j), s = map->build.least_slope2;
-    int seen_low_u = 0, seen_high_u = 0, seen_low_v = 0, seen_high_v = 0, k, a, b;
-    for (k = 0; k < pyramid->levels; ++k) {
-        conemap__blocks u = conemap__axis_blocks(map->info.width, map->info.wrap_u, i, k, w.low_u, w.high_u);
-        conemap__blocks v = conemap__axis_blocks(map->info.height, map->info.wrap_v, j, k, w.low_v, w.high_v);
-        if (seen_low_u <= w.low_u && seen_high_u >= w.high_u && seen_low_v <= w.low_v && seen_high_v >= w.high_v)
-            break;
-        for (b = 0; b < 3; ++b)
-            for (a = 0; a < 3; ++a) {
-                int unseen_u = 0, unseen_v = 0, has_u, has_v;
-                float dh, slope = 0.0f;
-                if ((a == 1 && b == 1) || u.low[a] > u.high[a] || v.low[b] > v.high[b]) continue;
-                dh = conemap__block_max(pyramid, k, u.node[a], v.node[b]) - apex;
-                if (!(dh > 0.0f)) continue;
-                has_u = conemap__nearest_unseen(&u, a, seen_low_u, seen_high_u, &unseen_u);
-                has_v = conemap__nearest_unseen(&v, b, seen_low_v, seen_high_v, &unseen_v);
-                if (improved && !has_u && !has_v) continue;
-                if (center) {
-                    slope = conemap__slope2(map, dh, a == 1 ? 0.0f : u.center[a], b == 1 ? 0.0f : v.center[b]);
-                } else if (!improved) {
-                    slope = conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
-                                            (float)conemap__nearest(&v, b));
-                } else {
-                    if (has_u)
-                        slope = conemap__slope2(map, dh, (float)unseen_u, (float)conemap__nearest(&v, b));
-                    if (has_v)
-                        slope = conemap__max(slope, conemap__slope2(map, dh, (float)conemap__nearest(&u, a),
-                                                                    (float)unseen_v));
-                }
-                s = conemap__max(s, slope);
-            }
-        seen_low_u = u.low[0] <= u.high[0] ? u.low[0] : u.low[1];
-        seen_high_u = u.low[2] <= u.high[2] ? u.high[2] : u.high[1];
-        seen_low_v = v.low[0] <= v.high[0] ? v.low[0] : v.low[1];
-        seen_high_v = v.low[2] <= v.high[2] ? v.high[2] : v.high[1];
+   where both hold, which is not conservative). The centre heuristic takes the middle of the block.
+   So a block's squared distance is the lesser of p + q' and q + p', where p is the distance along one axis to what is
+   unseen, q that to the whole block, and p', q' those of the other axis; what does not exist is far away. The other
+   algorithms have p = q. This writes one axis' share for the texel `at`, level by level. */
+static void conemap__quick_axis(int size, conemap_wrap wrap, int at, int levels, float texel, int improved, int center,
+                                conemap__quick_level *out) {
+    int low, high, seen_low = 0, seen_high = 0, k, side;
+    conemap__axis_window(size, wrap, at, 0, &low, &high);
+    for (k = 0; k < levels; ++k) {
+        conemap__blocks b = conemap__axis_blocks(size, wrap, at, k, low, high);
+        out[k].full = seen_low <= low && seen_high >= high;
+        for (side = 0; side < 3; ++side) {
+            int unseen = 0, exists = b.low[side] <= b.high[side];
+            float distance = center ? (side == 1 ? 0.0f : b.center[side]) : (float)conemap__nearest(&b, side);
+            distance *= texel;
+            out[k].node[side] = b.node[side];
+            out[k].p[side] = out[k].q[side] = exists ? distance * distance : CONEMAP__FAR;
+            if (!improved || center || !exists) continue;
+            distance = conemap__nearest_unseen(&b, side, seen_low, seen_high, &unseen) ? (float)unseen * texel : 1.0e19f;
+            out[k].p[side] = distance * distance;
+        }
+        seen_low = b.low[0] <= b.high[0] ? b.low[0] : b.low[1];
+        seen_high = b.low[2] <= b.high[2] ? b.high[2] : b.high[1];
     }
-    return s;
 }
 
 /* 1 / sqrt(s), at most max_tan, and less 2^-20 of itself. The errors of texel_u, the products, the sum, the
    quotient, the root and the division add up to less than 10 * 2^-24 of the tangent, so the result is never wider
    than the true cone. */
+#define CONEMAP__TANGENT_MARGIN 0.99999904632568359375f
 CONEMAP__INLINE float conemap__tangent(const conemap_map *map, float s) {
-    return conemap__min(1.0f / sqrtf(s) * 0.99999904632568359375f, map->info.max_tan);
+    return conemap__min(1.0f / sqrtf(s) * CONEMAP__TANGENT_MARGIN, map->info.max_tan);
 }
 
-static float conemap__generate(const conemap_map *map, conemap__search *search, int i, int j) {
+static float conemap__generate(const conemap_map *map, int i, int j) {
     switch (map->info.generator) {
     case CONEMAP_RING: return conemap__tangent(map, conemap__ring(map, CONEMAP_RING, i, j));
-    case CONEMAP_QUICK_NAIVE: return conemap__tangent(map, conemap__quick(map, i, j, 0, 0));
-    case CONEMAP_QUICK_NAIVE_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 0, 1));
-    case CONEMAP_QUICK_CENTER: return conemap__tangent(map, conemap__quick(map, i, j, 1, 1));
     case CONEMAP_RELAXED: return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
     case CONEMAP_RELAXED_SAMPLED:
         return conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED_SAMPLED, i, j));
@@ -2635,11 +2749,7 @@ static float conemap__generate(const conemap_map *map, conemap__search *search, 
         float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
-    case CONEMAP_QUICK: return conemap__tangent(map, conemap__quick(map, i, j, 1, 0));
-    default: {
-        float s = conemap__exact(map, search, i, j, map->build.least_slope2);
-        return conemap__tangent(map, conemap__max(s, search->folded));
-    }
+    default: return 0.0f; /* other generators work on rows */
     }
 }
 
@@ -2706,18 +2816,16 @@ static float conemap__generate(const conemap_map *map, conemap__search *search, 
 #define CONEMAP__LONGEST 8.0f /* texels longer than this count as so long */
 #define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
 
-/* A band of rows in which slopes are collected: its own rows, and one above and one below, which other bands own too
-   and conemap__merged_slope2 brings together. So jobs share nothing. */
+/* A band of rows: a job. What a vertex sees goes to the plane, what is seen of a cell to cell_slopes; each job writes its own
+   rows of both and conemap__collect brings them together. So jobs share nothing. */
 typedef struct conemap__band {
     const conemap_map *map;
     int y0, y1;
     conemap__sector sector;
-    int reach;                  /* what vertex (i, j) finds concerns (i - 1..i + reach, ...): 1 for texels, 0 for cells */
+    float *plane, *cell_slopes; /* the sector's */
+    int number;                 /* of the sector */
     float a, b, deflate;        /* texel size; V */
     int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
-    float *rows[CONEMAP__BAND + 2];
-    float *folds[CONEMAP__BAND + 2]; /* with slack: bounds that were folded in, apart from the slopes, for pruning
-                                        against them would let slack upon slack grow */
 } conemap__band;
 
 /* Heights at any whole coordinates, cells by their lower corner; an axis of one texel has one cell, constant across. */
@@ -2740,33 +2848,47 @@ CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
            conemap__inner_cell(j, map->info.height, map->info.wrap_v);
 }
 
-/* Where the band keeps texel (i, j); null for what is not on the map. j is at most one row outside the band. */
-CONEMAP__INLINE float *conemap__slope_at(const conemap__band *band, float *const *rows, int i, int j) {
+/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its cone. */
+CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int per_cell) {
+    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
+}
+
+/* Does this band have the row of cell (i, j)? */
+CONEMAP__INLINE int conemap__has_cell(const conemap__band *band, int i, int j) {
     const conemap_info *info = &band->map->info;
-    if (info->wrap_u == CONEMAP_WRAP) i = i < 0 ? i + info->width : i >= info->width ? i - info->width : i;
-    if (i < 0 || i >= info->width || (info->wrap_v != CONEMAP_WRAP && (j < 0 || j >= info->height))) return NULL;
-    return &rows[j - (band->y0 - 1)][i];
+    (void)i;
+    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
+    return j >= band->y0 && j < band->y1;
 }
 
-CONEMAP__INLINE void conemap__raise(const conemap__band *band, float *const *rows, int i0, int i1, int j0, int j1,
-                                    float slope2) {
-    int i, j;
-    for (j = j0; j <= j1; ++j)
-        for (i = i0; i <= i1; ++i) {
-            float *at = conemap__slope_at(band, rows, i, j);
-            if (at && *at < slope2) *at = slope2;
-        }
+/* Raises the slope of a cell that the band has. */
+CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j, float slope2) {
+    const conemap_info *info = &band->map->info;
+    float *at;
+    i = conemap__repeat(conemap__cell_place(i, info->width, info->wrap_u, info->texture.per_cell), info->width);
+    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
+    at = &band->cell_slopes[(size_t)j * (size_t)info->width + (size_t)i];
+    *at = conemap__max(*at, slope2);
 }
 
-CONEMAP__INLINE float conemap__least(const conemap__band *band, int i0, int i1, int j0, int j1) {
-    float least = CONEMAP__FAR;
-    int i, j;
-    for (j = j0; j <= j1; ++j)
-        for (i = i0; i <= i1; ++i) {
-            const float *at = conemap__slope_at(band, band->rows, i, j);
-            if (at) least = conemap__min(least, *at);
+/* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with per_cell: of
+   what rows y0 to y1 know. At most 13. */
+static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows, int *columns) {
+    int h = map->info.height, r, c, n = 0, cells = map->info.texture.per_cell != 0;
+    size_t first = (size_t)sector * conemap__texels(map);
+    for (r = cells ? 0 : -1; r <= 1; ++r) {
+        int y = conemap__texel_index(j + r, h, map->info.wrap_v);
+        if (y < y0 || y >= y1) continue;
+        for (c = cells ? 0 : -1; c <= 1; ++c) {
+            rows[n] = map->build.plane + first + (size_t)y * (size_t)map->info.width;
+            columns[n++] = c;
         }
-    return least;
+        for (c = cells ? 0 : -1; c <= 0 && r <= 0; ++c) {
+            rows[n] = map->build.cell_slopes + first + (size_t)y * (size_t)map->info.width;
+            columns[n++] = c;
+        }
+    }
+    return n;
 }
 
 /* Slope along an axis whose texels may have no length. */
@@ -2891,22 +3013,14 @@ static int conemap__outdone(const conemap__band *band, int i, int j, int k, int 
     return 0;
 }
 
-/* The cells of u as one of them, (i, j), is seen from vertex v: concerns the cell's own corners. */
-static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj) {
-    const conemap_info *info = &band->map->info;
-    float least, slope2;
-    int outer_i = i, outer_j = j;
-    if (band->reach == 0) { /* a cell beyond the border has the cone of the last one */
-        if (info->wrap_u != CONEMAP_WRAP) i = conemap__maxi(0, conemap__mini(i, info->width - 2));
-        if (info->wrap_v != CONEMAP_WRAP) j = conemap__maxi(0, conemap__mini(j, info->height - 2));
-    }
-    least = conemap__least(band, i, i + band->reach, j, j + band->reach);
-    slope2 = conemap__cell_slope2(band, outer_i, outer_j, vi, vj, -1.0f, least);
-    if (slope2 > least) conemap__raise(band, band->rows, i, i + band->reach, j, j + band->reach, slope2);
+/* Cell (i, j) as it is seen from vertex v. */
+static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj, float least) {
+    if (conemap__has_cell(band, i, j)) conemap__raise_cell(band, i, j, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least));
 }
 
-/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. */
-static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float best) {
+/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. `least` is
+   what all that is raised has already. */
+static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float least, float best) {
     float dh = conemap__vertex(band->map, vi, vj) - conemap__vertex(band->map, ui, uj);
     float bound = conemap__corner_bound(band, dh, vi - ui, vj - uj);
     int k, i, j;
@@ -2922,7 +3036,7 @@ static float conemap__near_pair(const conemap__band *band, int ui, int uj, int v
         if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, vi, vj) &&
             conemap__sees_cell(band->map, band->sector, i, j, vi, vj, -1.0f) &&
             !conemap__outdone(band, i, j, vi, vj, -1.0f, bound))
-            conemap__raise_seen_cell(band, i, j, vi, vj);
+            conemap__raise_seen_cell(band, i, j, vi, vj, least);
     }
     return best;
 }
@@ -2948,26 +3062,96 @@ static float conemap__close_pairs(const conemap__band *band, int i, int j, float
                     (band->map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= band->map->info.height)))
                     continue;
                 if (conemap__sees_cell(band->map, band->sector, ci, cj, vi, vj, -1.0f))
-                    conemap__raise_seen_cell(band, ci, cj, vi, vj);
+                    conemap__raise_seen_cell(band, ci, cj, vi, vj, 0.0f);
             }
         }
     return best;
 }
 
-/* Everything that vertex (i, j) sees and that is steeper than what its 3x3 texels have already. */
-static void conemap__safe_vertex(const conemap__band *band, int i, int j, conemap__search *search) {
-    int k, r = band->reach;
-    float least = conemap__least(band, i - 1, i + r, j - 1, j + r), best = least;
-    for (k = 0; k < 4; ++k) {
-        int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
-        if (si * band->sector.su < 0 || sj * band->sector.sv < 0) continue;
-        if (conemap__cell_exists(band->map, conemap__mini(i, i + si), conemap__mini(j, j + sj)))
-            best = conemap__max(best, conemap__corner_slope2(band, i, j, si, sj));
+/* The least slope that is known of everything that vertices x.. of row j can raise; `above` leaves row j + 1 out. */
+static void conemap__known(const conemap__band *band, int j, int x, int count, int above, float *out) {
+    const conemap_map *map = band->map;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    float known[3][CONEMAP__RUN + 2];
+    const float *rows[13], *three[3];
+    int columns[13], r, n, wraps = map->info.wrap_u == CONEMAP_WRAP, low = j - 1, high = above ? j : j + 1;
+    if (map->info.texture.per_cell) high = j;
+    if (map->info.wrap_v != CONEMAP_WRAP) {
+        low = conemap__maxi(low, 0);
+        high = conemap__mini(high, map->info.height - 1);
     }
-    if (band->close_u || band->close_v) best = conemap__close_pairs(band, i, j, best);
-    best = conemap__exact(band->map, search, i, j, best);
-    if (best > least) conemap__raise(band, band->rows, i - 1, i + r, j - 1, j + r, best);
-    if (search->folded > best) conemap__raise(band, band->folds, i - 1, i + r, j - 1, j + r, search->folded);
+    for (r = low; r <= high; ++r) {
+        n = conemap__collect(map, band->number, r, band->y0, band->y1, rows, columns);
+        if (n == 0) {
+            memset(known[r - low], 0, sizeof known[0]);
+            continue;
+        }
+        kernels->steepest_row(rows, columns, n, map->info.width, wraps, x - 1, count + 2, known[r - low]);
+    }
+    for (r = 0; r < 3; ++r) three[r] = known[conemap__mini(r, high - low)];
+    kernels->narrowest_row(three, count + 2, 0, 1, count, out);
+}
+
+/* The neighbours whose pairs are near ones, of at most so many rows above and below. */
+#define CONEMAP__NEAR 64
+typedef struct conemap__neighbours {
+    int count, x[CONEMAP__NEAR], y[CONEMAP__NEAR];
+    float inverse[CONEMAP__NEAR]; /* of D^2 - V, raised by more than rounding takes */
+} conemap__neighbours;
+
+static conemap__neighbours conemap__near_ones(const conemap__band *band, float near2) {
+    conemap__neighbours n;
+    int reach_u = band->a > 0.0f ? (int)(sqrtf(near2) / band->a) + 1 : 0;
+    int reach_v = band->b > 0.0f ? (int)(sqrtf(near2) / band->b) + 1 : 0, x, y;
+    n.count = 0;
+    for (y = -reach_v; y <= reach_v; ++y)
+        for (x = -reach_u; x <= reach_u; ++x) {
+            float dx = (float)x * band->a, dy = (float)y * band->b, d2 = dx * dx + dy * dy;
+            if (!(d2 < near2) || !(d2 - band->deflate > 0.5f * band->deflate) || n.count == CONEMAP__NEAR) continue;
+            n.x[n.count] = x;
+            n.y[n.count] = y;
+            n.inverse[n.count++] = 1.0f / ((d2 - band->deflate) * CONEMAP__MARGIN);
+        }
+    return n;
+}
+
+/* Step 5, near, for row j: all pairs whose bound is above what is known. `below` is the row under the band, whose vertices
+   concern its last cells. */
+static void conemap__near_row(const conemap__band *band, const conemap__neighbours *near_ones, int j, int below) {
+    const conemap_map *map = band->map;
+    float known[CONEMAP__RUN], bounds[CONEMAP__RUN];
+    const float *rows[CONEMAP__NEAR];
+    float inverse[CONEMAP__NEAR];
+    int columns[CONEMAP__NEAR], x, k, n, i, w = map->info.width;
+    for (x = 0; x < w; x += CONEMAP__RUN) {
+        int count = conemap__mini(CONEMAP__RUN, w - x);
+        conemap__known(band, j, x, count, below, known);
+        for (k = n = 0; k < near_ones->count; ++k) {
+            rows[n] = conemap__row_of(map, map->heights, j + near_ones->y[k]);
+            columns[n] = near_ones->x[k];
+            inverse[n] = near_ones->inverse[k];
+            n += rows[n] != NULL;
+        }
+        conemap__kernels_of(map->isa)->near_row(conemap__row_of(map, map->heights, j), rows, columns, inverse, n, w,
+                                                map->info.wrap_u == CONEMAP_WRAP, x, count, bounds);
+        for (i = 0; i < count; ++i) {
+            float apex, best = known[i], *at;
+            if (!(bounds[i] > known[i])) continue;
+            if (!conemap__is_wanted(map, band->number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
+            at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
+            apex = conemap__vertex(map, x + i, j);
+            for (k = 0; k < near_ones->count; ++k) {
+                int vi = x + i + near_ones->x[k], vj = j + near_ones->y[k];
+                float dh;
+                if (map->info.wrap_u != CONEMAP_WRAP && (vi < 0 || vi >= w)) continue;
+                if (map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= map->info.height)) continue;
+                dh = conemap__vertex(map, vi, vj) - apex;
+                if (dh > 0.0f && dh * dh * near_ones->inverse[k] > known[i])
+                    best = conemap__near_pair(band, x + i, j, vi, vj, known[i], best);
+            }
+            if (at && best > known[i]) *at = conemap__max(*at, best);
+        }
+    }
 }
 
 /* ---- relaxed cones that hold for the bilinear surface -----------------------------------------------------------
@@ -3070,7 +3254,7 @@ CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i,
 }
 
 /* The cells near vertex (i, j): seen from it, and the cells at the vertex seen from theirs. */
-static float conemap__relaxed_near(const conemap__band *band, int i, int j, float near2, float best) {
+static float conemap__relaxed_near(const conemap__band *band, int i, int j, float near2, float least, float best) {
     const conemap_map *map = band->map;
     int reach_u = band->a > 0.0f ? (int)(sqrtf(near2) / band->a) + 2 : 1;
     int reach_v = band->b > 0.0f ? (int)(sqrtf(near2) / band->b) + 2 : 1, x, y, k, c;
@@ -3088,7 +3272,7 @@ static float conemap__relaxed_near(const conemap__band *band, int i, int j, floa
                 if (!conemap__cell_exists(map, p, q)) continue;
                 for (c = 0; c < 4; ++c)
                     if (!conemap__touches(p, q, x + (c & 1), y + (c >> 1)))
-                        conemap__raise_seen_cell(band, p, q, x + (c & 1), y + (c >> 1));
+                        conemap__raise_seen_cell(band, p, q, x + (c & 1), y + (c >> 1), least);
             }
         }
     return best;
@@ -3186,12 +3370,15 @@ static float conemap__relaxed_own(const conemap__band *band, int i, int j) {
     return own;
 }
 
-static void conemap__relaxed_vertex(const conemap__band *band, int i, int j, float near2) {
-    float least = conemap__least(band, i - 1, i + 1, j - 1, j + 1);
-    float best = conemap__relaxed_near(band, i, j, near2, least);
-    best = band->map->info.generator == CONEMAP_RELAXED_EXACT ? conemap__relaxed_search(band, i, j, near2, best)
-                                                              : conemap__relaxed_ring(band, i, j, near2, best);
-    if (best > least) conemap__raise(band, band->rows, i - 1, i + 1, j - 1, j + 1, best);
+/* `below`: the row under the band, whose vertices concern its last cells. */
+static void conemap__relaxed_vertex(const conemap__band *band, int i, int j, float near2, int below) {
+    const conemap_map *map = band->map;
+    float least = map->build.least_slope2 * (1.0f - 1.0f / 16384.0f), best;
+    best = conemap__relaxed_near(band, i, j, near2, least, least);
+    if (below) return;
+    map->build.plane[(size_t)j * (size_t)map->info.width + (size_t)i] =
+        map->info.generator == CONEMAP_RELAXED_EXACT ? conemap__relaxed_search(band, i, j, near2, best)
+                                                     : conemap__relaxed_ring(band, i, j, near2, best);
 }
 
 /* ======================================================================================================
@@ -3219,10 +3406,10 @@ static int conemap__is_bilinear(const conemap_info *info) {
     return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
 }
 
-/* Correction and cells at a border need their neighbours as they were, an update the cones that it leaves alone;
-   otherwise they are worked on in place. */
+/* Correction and interpolation need the neighbours as they were, an update the cones that it leaves alone; otherwise
+   slopes become cones in place. */
 static int conemap__needs_plane(const conemap_map *map) {
-    return map->build.updating || map->info.texture.per_cell || (map->info.min3x3 && !conemap__is_bilinear(&map->info));
+    return map->build.updating || map->info.min3x3 || conemap__is_bilinear(&map->info);
 }
 
 /* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones that
@@ -3368,7 +3555,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
                            sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     if (conemap__needs_pyramid(desc->generator)) {
-        if (!conemap__pyramid_plan(&map->build.texels, w, h, 0, map->build.keeps_search ? &memory : &scratch))
+        if (!conemap__maxima_plan(&map->build.texels, w, h, map->build.keeps_search ? &memory : &scratch))
             return CONEMAP_ERROR_OVERFLOW;
         jobs[CONEMAP__PASS_STRIPS] = strips;
         jobs[CONEMAP__PASS_TOP] = 1;
@@ -3383,10 +3570,7 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     }
     if (conemap__is_bilinear(info)) {
         conemap__safe_texel(map);
-        size_t rims = 2 * (size_t)bands * (size_t)w;
-        if (!conemap__add_size(&scratch, rims, planes * sizeof(float)) ||
-            (desc->slack > 0.0f && !conemap__add_size(&scratch, texels + rims, planes * sizeof(float))))
-            return CONEMAP_ERROR_OVERFLOW;
+        if (!conemap__add_size(&scratch, texels, planes * sizeof(float))) return CONEMAP_ERROR_OVERFLOW;
     }
     if (conemap__needs_plane(map) && !conemap__add_size(&scratch, texels, planes * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
@@ -3444,6 +3628,15 @@ static void conemap__cut_pyramid(conemap_pyramid *pyramid, int first, unsigned c
             cursor, (size_t)((pyramid->width[k] + 1) / 2) * (size_t)((pyramid->height[k] + 1) / 2), 4 * sizeof(float));
 }
 
+static void conemap__cut_maxima(conemap_map *map, unsigned char **cursor) {
+    conemap_pyramid *texels = &map->build.texels;
+    int k;
+    texels->level[0] = map->build.heights;
+    for (k = 1; k < texels->levels; ++k)
+        texels->level[k] =
+            (float *)conemap__cut(cursor, (size_t)texels->width[k] * (size_t)texels->height[k], sizeof(float));
+}
+
 CONEMAP__DEF void conemap_free(conemap_map *map) {
     if (!map) return;
     conemap__release(&map->build.allocator, map->build.memory, map->build.owns_memory);
@@ -3471,18 +3664,14 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     if (map->build.keeps_search) {
         size_t blocks = (size_t)conemap__bands(map->info.width) * (size_t)conemap__bands(map->info.height);
         map->build.survey = (float *)conemap__cut(&cursor, 2 * (size_t)conemap__planes(&map->info) * blocks, sizeof(float));
-        conemap__cut_pyramid(&map->build.texels, 0, &cursor);
+        conemap__cut_maxima(map, &cursor);
     }
     if (scratch_size > 0) {
         cursor = (unsigned char *)map->build.scratch;
-        if (!map->build.keeps_search) conemap__cut_pyramid(&map->build.texels, 0, &cursor);
+        if (!map->build.keeps_search) conemap__cut_maxima(map, &cursor);
         for (q = 0; q < 4; ++q) conemap__cut_pyramid(&map->build.falling[q], 0, &cursor);
-        if (conemap__is_bilinear(&map->info)) {
-            size_t rims = 2 * (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES] * (size_t)map->info.width;
-            map->build.rims = (float *)conemap__cut(&cursor, rims, sizeof(float));
-            if (desc->slack > 0.0f)
-                map->build.folds = (float *)conemap__cut(&cursor, planes * texels + rims, sizeof(float));
-        }
+        if (conemap__is_bilinear(&map->info))
+            map->build.cell_slopes = (float *)conemap__cut(&cursor, texels, planes * sizeof(float));
         map->build.plane =
             conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, planes * sizeof(float)) : map->build.cones;
         map->build.job_results = cursor;
@@ -3539,8 +3728,6 @@ static conemap_result conemap__decode_rows(conemap_map *map, const conemap_heigh
     return CONEMAP_OK;
 }
 
-enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
-
 CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what) {
     return !map->build.wanted || (map->build.wanted[(size_t)sector * conemap__texels(map) +
                                                     (size_t)y * (size_t)map->info.width + (size_t)x] & what);
@@ -3559,16 +3746,103 @@ static conemap_result conemap__report(const conemap_map *map, int pass, int sect
     return desc->progress(done, desc->progress_user) ? CONEMAP_CANCELLED : CONEMAP_OK;
 }
 
-static conemap_result conemap__cone_rows(conemap_map *map, int sector, int y0, int y1) {
-    conemap__search search = conemap__make_search(map, sector);
-    float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
+static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
     int x, y, w = map->info.width;
+    for (y = y0; y < y1; ++y)
+        for (x = 0; x < w; ++x) {
+            if (!conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
+            map->build.plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, x, y);
+            if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
+                conemap_result result =
+                    conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
+/* Searches the tiles of rows y0 to y1, tile rows whole; the plane of slopes holds what is known. */
+static conemap_result conemap__search_rows(const conemap_map *map, conemap__search *search, int y0, int y1,
+                                           float *slopes) {
+    int x, y, w = map->info.width;
+    for (y = y0; y < y1; y += CONEMAP__TILE)
+        for (x = 0; x < w; x += CONEMAP__TILE) {
+            conemap__search_tile(map, search, x, y, slopes);
+            if (x % 512 == 512 - CONEMAP__TILE || x + CONEMAP__TILE >= w) {
+                conemap_result result = conemap__report(
+                    map, CONEMAP__PASS_CONES, 0,
+                    (double)y + (double)conemap__mini(CONEMAP__TILE, y1 - y) * (double)(x + 1) / (double)(w + CONEMAP__TILE));
+                if (result != CONEMAP_OK) return result;
+            }
+        }
+    return CONEMAP_OK;
+}
+
+/* Squared slopes become cones where they are. */
+static void conemap__tangent_rows(const conemap_map *map, float *plane, int y0, int y1) {
+    int y;
+    for (y = y0; y < y1; ++y) {
+        float *row = plane + (size_t)y * (size_t)map->info.width;
+        const float *slopes = row;
+        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, map->info.width,
+                                                   row);
+    }
+}
+
+static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1) {
+    conemap__quick_level levels[CONEMAP__BAND][17], column[17];
+    conemap__quick_columns columns;
+    const conemap_info *info = &map->info;
+    int improved = info->generator == CONEMAP_QUICK || info->generator == CONEMAP_QUICK_CENTER;
+    int center = info->generator == CONEMAP_QUICK_NAIVE_CENTER || info->generator == CONEMAP_QUICK_CENTER;
+    int count = map->build.texels.levels, x, y, i, k, side, w = info->width;
+    for (y = y0; y < y1; ++y)
+        conemap__quick_axis(info->height, info->wrap_v, y, count, map->build.texel_v, improved, center, levels[y - y0]);
+    memset(&columns, 0, sizeof columns);
+    for (x = 0; x < w; x += 16) {
+        for (i = 0; i < 16 && x + i < w; ++i) {
+            conemap__quick_axis(w, info->wrap_u, x + i, count, map->build.texel_u, improved, center, column);
+            for (k = 0; k < count; ++k) {
+                columns.full[k][i] = column[k].full;
+                for (side = 0; side < 3; ++side) {
+                    columns.p[k][side][i] = column[k].p[side];
+                    columns.q[k][side][i] = column[k].q[side];
+                    columns.node[k][side][i] = column[k].node[side];
+                }
+            }
+        }
+        for (y = y0; y < y1; ++y) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            conemap__kernels_of(map->isa)->quick_row(&map->build.texels, &columns, levels[y - y0], map->heights + at,
+                                                     map->build.least_slope2, conemap__mini(16, w - x),
+                                                     map->build.plane + at);
+        }
+        if (x % 256 == 240 || x + 16 >= w) {
+            conemap_result result = conemap__report(map, CONEMAP__PASS_CONES, 0,
+                                                    (double)y0 + (double)(y1 - y0) * (double)x / (double)w);
+            if (result != CONEMAP_OK) return result;
+        }
+    }
+    conemap__tangent_rows(map, map->build.plane, y0, y1);
+    return CONEMAP_OK;
+}
+
+/* The same for one sector, texel by texel. */
+static conemap_result conemap__sector_rows(const conemap_map *map, const conemap__search *common, int sector, int y0, int y1,
+                                           float *slopes) {
+    conemap__sector_search search;
+    int x, y, w = map->info.width;
+    memset(&search, 0, sizeof search);
+    search.common = *common;
+    search.sector = conemap__make_sector(&map->info, sector);
+    search.room = map->build.cell_slopes != NULL;
     search.best_j = y0;
     for (y = y0; y < y1; ++y)
         for (x = 0; x < w; ++x) {
-            if (!conemap__is_wanted(map, sector, x, y, CONEMAP__SEARCH)) continue;
-            plane[(size_t)y * (size_t)w + (size_t)x] = conemap__generate(map, &search, x, y);
-            if (x % 256 == 255 || x == w - 1) { /* a single row of a slow generator can take seconds */
+            float *at = &slopes[(size_t)y * (size_t)w + (size_t)x];
+            if (conemap__is_wanted(map, sector, x, y, CONEMAP__SEARCH))
+                *at = conemap__search_sector(map, &search, x, y, *at);
+            if (x % 256 == 255 || x == w - 1) {
                 conemap_result result =
                     conemap__report(map, CONEMAP__PASS_CONES, sector, (double)y + (double)(x + 1) / (double)w);
                 if (result != CONEMAP_OK) return result;
@@ -3577,16 +3851,36 @@ static conemap_result conemap__cone_rows(conemap_map *map, int sector, int y0, i
     return CONEMAP_OK;
 }
 
-/* The band of a job, its rows in the plane and in the rims. */
+static conemap_result conemap__exact_rows(const conemap_map *map, int sector, int y0, int y1) {
+    conemap__search search = conemap__make_search(map);
+    float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
+    conemap_result result;
+    int x, y, k, w = map->info.width;
+    for (y = y0; y < y1; ++y) {
+        float *row = plane + (size_t)y * (size_t)w;
+        const float *rows[3];
+        for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
+        for (x = 0; map->info.texture.sectors > 1 && x < w; ++x) row[x] = map->build.least_slope2;
+        if (map->info.texture.sectors <= 1)
+            conemap__kernels_of(map->isa)->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b,
+                                                    map->build.least_slope2, row);
+    }
+    result = map->info.texture.sectors > 1 ? conemap__sector_rows(map, &search, sector, y0, y1, plane)
+                                           : conemap__search_rows(map, &search, y0, y1, plane);
+    conemap__tangent_rows(map, plane, y0, y1);
+    return result;
+}
+
 static conemap__band conemap__make_band(const conemap_map *map, int job) {
     conemap__band band;
-    size_t w = (size_t)map->info.width, texels = conemap__texels(map), planes = (size_t)conemap__planes(&map->info);
-    int y, sector = job / conemap__bands(map->info.height);
+    int sector = job / conemap__bands(map->info.height);
     float a = map->build.search_u, b = map->build.search_v;
     memset(&band, 0, sizeof band);
     band.map = map;
-    band.reach = !map->info.texture.per_cell;
     band.sector = conemap__make_sector(&map->info, sector);
+    band.number = sector;
+    band.plane = map->build.plane + (size_t)sector * conemap__texels(map);
+    band.cell_slopes = map->build.cell_slopes + (size_t)sector * conemap__texels(map);
     band.y0 = (job - sector * conemap__bands(map->info.height)) * CONEMAP__BAND;
     band.y1 = conemap__mini(band.y0 + CONEMAP__BAND, map->info.height);
     band.a = a;
@@ -3595,14 +3889,6 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
     if (a > 0.0f && b > 0.0f && 1.55f * band.deflate > conemap__min(a, b) * conemap__min(a, b)) {
         band.close_u = (int)(sqrtf(1.6f * band.deflate) / a) + 1;
         band.close_v = (int)(sqrtf(1.6f * band.deflate) / b) + 1;
-    }
-    for (y = band.y0 - 1; y <= band.y1; ++y) {
-        size_t rim = (2 * (size_t)job + (y == band.y1)) * w;
-        size_t row = (size_t)sector * texels + (size_t)conemap__maxi(y, 0) * w;
-        int outside = y < band.y0 || y >= band.y1, k = y - (band.y0 - 1);
-        band.rows[k] = outside ? map->build.rims + rim : map->build.plane + row;
-        if (map->build.folds)
-            band.folds[k] = outside ? map->build.folds + planes * texels + rim : map->build.folds + row;
     }
     return band;
 }
@@ -3613,84 +3899,114 @@ CONEMAP__INLINE float conemap__safe_margin(const conemap_map *map) {
     return map->info.texture.sectors > 1 ? 1.0f / 4096.0f : 1.0f / 65536.0f;
 }
 
+/* Own cells and own corners in a sector. */
+static void conemap__sector_start(const conemap__band *band, float least) {
+    const conemap_map *map = band->map;
+    int x, y, k, w = map->info.width;
+    size_t row = (size_t)band->y0 * (size_t)w;
+    memset(band->cell_slopes + row, 0, (size_t)(band->y1 - band->y0) * (size_t)w * sizeof(float));
+    for (y = band->y0 - 1; y <= band->y1; ++y)
+        for (x = -1; x < w; ++x)
+            if (conemap__cell_exists(map, x, y) && conemap__has_cell(band, x, y))
+                conemap__raise_cell(band, x, y, conemap__own_slope2(band, x, y));
+    for (y = band->y0; y < band->y1; ++y)
+        for (x = 0; x < w; ++x) {
+            float best = least;
+            for (k = 0; k < 4; ++k) {
+                int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
+                if (si * band->sector.su < 0 || sj * band->sector.sv < 0) continue;
+                if (conemap__cell_exists(map, conemap__mini(x, x + si), conemap__mini(y, y + sj)))
+                    best = conemap__max(best, conemap__corner_slope2(band, x, y, si, sj));
+            }
+            band->plane[(size_t)y * (size_t)w + (size_t)x] = best;
+        }
+}
+
+/* Own cells and own corners, in all directions. */
+static void conemap__safe_start(const conemap__band *band, float least) {
+    const conemap_map *map = band->map;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    int y, k, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
+    for (y = band->y0; y < band->y1; ++y) {
+        size_t row = (size_t)y * (size_t)w;
+        const float *rows[3];
+        for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
+        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b,
+                              band->cell_slopes + row);
+        kernels->corners_row(rows, w, wraps, band->a, band->b, least, band->plane + row);
+    }
+}
+
+/* For long texels, close pairs. */
+static void conemap__safe_close(const conemap__band *band, float least) {
+    const conemap_map *map = band->map;
+    int x, y, w = map->info.width;
+    for (y = band->y0; (band->close_u || band->close_v) && y <= band->y1; ++y)
+        for (x = 0; x < w; ++x) {
+            int j = conemap__texel_index(y, map->info.height, map->info.wrap_v);
+            float *at = &band->plane[(size_t)j * (size_t)w + (size_t)x], best;
+            if (y == map->info.height && map->info.wrap_v != CONEMAP_WRAP) break;
+            if (!conemap__is_wanted(map, band->number, x, j, CONEMAP__SEARCH)) continue;
+            best = conemap__close_pairs(band, x, y, least);
+            if (y < band->y1) *at = conemap__max(*at, best);
+        }
+}
+
 static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
-    int sector = job / conemap__bands(map->info.height);
-    conemap__search search = conemap__make_search(map, sector);
+    conemap__search search = conemap__make_search(map);
+    conemap__neighbours near_ones;
+    conemap_result result;
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan whole */
-    int x, y, w = map->info.width, relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
-    search.band = &band;
-    search.room = 1;
+    int y;
     search.deflate = band.deflate;
     search.near2 = band.deflate / CONEMAP__TOLERANCE;
-    for (y = band.y0 - 1; y <= band.y1; ++y)
-        for (x = 0; x < w; ++x) {
-            band.rows[y - (band.y0 - 1)][x] = least;
-            if (map->build.folds) band.folds[y - (band.y0 - 1)][x] = 0.0f;
-        }
-    for (y = band.y0 - 1; y < band.y1; ++y) /* cells that touch the band */
-        for (x = map->info.wrap_u == CONEMAP_WRAP ? -1 : 0; x < w; ++x)
-            if (conemap__cell_exists(map, x, y) &&
-                conemap__is_wanted(map, sector, conemap__texel_index(x, w, map->info.wrap_u),
-                                   conemap__texel_index(y, map->info.height, map->info.wrap_v), CONEMAP__SEARCH))
-                conemap__raise(&band, band.rows, x, x + band.reach, y, y + band.reach,
-                               relaxed ? conemap__relaxed_own(&band, x, y) : conemap__own_slope2(&band, x, y));
+    near_ones = conemap__near_ones(&band, search.near2);
+    if (band.sector.su != 0)
+        conemap__sector_start(&band, least);
+    else
+        conemap__safe_start(&band, least);
+    conemap__safe_close(&band, least);
+    result = band.sector.su != 0 ? conemap__sector_rows(map, &search, band.number, band.y0, band.y1, band.plane)
+                                 : conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
+    for (y = band.y0; result == CONEMAP_OK && y <= band.y1; ++y)
+        if (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP)
+            conemap__near_row(&band, &near_ones, y, y == band.y1);
+    return result;
+}
+
+static conemap_result conemap__relaxed_band(const conemap_map *map, int job) {
+    conemap__band band = conemap__make_band(map, job);
+    float near2 = band.deflate / CONEMAP__TOLERANCE;
+    int x, y, w = map->info.width;
     for (y = band.y0; y < band.y1; ++y)
-        for (x = 0; x < w; ++x) {
-            if (!conemap__is_wanted(map, sector, x, y, CONEMAP__SEARCH)) continue;
-            if (relaxed)
-                conemap__relaxed_vertex(&band, x, y, search.near2);
-            else
-                conemap__safe_vertex(&band, x, y, &search);
+        for (x = 0; x < w; ++x)
+            map->build.cell_slopes[(size_t)y * (size_t)w + (size_t)x] =
+                conemap__cell_exists(map, x, y) ? conemap__relaxed_own(&band, x, y) : 0.0f;
+    for (y = band.y0; y <= band.y1; ++y)
+        for (x = 0; x < w && (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP); ++x) {
+            conemap__relaxed_vertex(&band, x, y, near2, y == band.y1);
             if (x % 256 == 255 || x == w - 1) {
                 conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, sector, (double)y + (double)(x + 1) / (double)w);
+                    conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
                 if (result != CONEMAP_OK) return result;
             }
         }
     return CONEMAP_OK;
 }
 
-/* The rows in which bands noted what concerns row j of a sector, among its rows and rims; returns how many, 3 at most. */
-static int conemap__merged_rows(const conemap_map *map, const float *plane, const float *rims, int sector, int j,
-                                const float **rows) {
-    int h = map->info.height, bands = conemap__bands(h), band = j / CONEMAP__BAND, count = 0;
-    size_t w = (size_t)map->info.width;
-    int wraps = map->info.wrap_v == CONEMAP_WRAP;
-    rims += 2 * (size_t)sector * (size_t)bands * w;
-    rows[count++] = plane + (size_t)sector * conemap__texels(map) + (size_t)j * w;
-    if (j == band * CONEMAP__BAND && (band > 0 || wraps)) {
-        size_t before = (size_t)(band > 0 ? band - 1 : bands - 1);
-        rows[count++] = rims + (2 * before + 1) * w;
-    }
-    if (j == conemap__mini((band + 1) * CONEMAP__BAND, h) - 1 && (band < bands - 1 || wraps)) {
-        size_t after = (size_t)(band < bands - 1 ? band + 1 : 0);
-        rows[count++] = rims + 2 * after * w;
-    }
-    return count;
-}
-
-#define CONEMAP__RUN 256 /* texels worked on at a time, on the stack */
-
-/* 1 / sqrt(s) as conemap__tangent, with that margin. */
+/* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
 static void conemap__safe_tangents(const conemap_map *map, int sector, int x, int y, int count, float *tangents) {
-    const float *rows[6];
-    float margin = 1.0f - conemap__safe_margin(map);
-    int w = map->info.width, k, n;
-    int last = map->info.texture.per_cell && map->info.wrap_u != CONEMAP_WRAP && x + count == w && w > 1;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *rows[13], *slopes = tangents;
+    int columns[13], n, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     if (map->info.texture.per_cell && map->info.wrap_v != CONEMAP_WRAP)
         y = conemap__mini(y, conemap__maxi(map->info.height - 2, 0));
-    n = conemap__merged_rows(map, map->build.plane, map->build.rims, sector, y, rows);
-    if (map->build.folds) {
-        const float *rims = map->build.folds + (size_t)conemap__planes(&map->info) * conemap__texels(map);
-        n += conemap__merged_rows(map, map->build.folds, rims, sector, y, rows + n);
-    }
-    for (k = 0; k < n; ++k) rows[k] += x;
-    conemap__kernels_of(map->isa)->tangent_row(rows, n, margin, map->info.max_tan, count, tangents);
-    if (last) { /* there is one cell less than texels: what lies beyond projects onto the last */
-        for (k = 0; k < n; ++k) rows[k] += count - 2;
-        conemap__kernels_of(map->isa)->tangent_row(rows, n, margin, map->info.max_tan, 1, tangents + count - 1);
-    }
+    n = conemap__collect(map, sector, y, 0, map->info.height, rows, columns);
+    kernels->steepest_row(rows, columns, n, w, wraps, x, count, tangents);
+    if (map->info.texture.per_cell && !wraps && x + count == w && w > 1) /* there is one cell less than texels: what */
+        kernels->steepest_row(rows, columns, n, w, wraps, w - 2, 1, tangents + count - 1); /* lies beyond projects onto the last */
+    kernels->tangent_row(&slopes, 1, 1.0f - conemap__safe_margin(map), map->info.max_tan, count, tangents);
 }
 
 static void conemap__store_run(conemap_map *map, int sector, int x, int y, int count) {
@@ -3700,7 +4016,7 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
     int k = 0;
     while (k < count && !conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE)) ++k;
     if (k == count) return;
-    if (map->build.rims) {
+    if (map->build.cell_slopes) {
         conemap__safe_tangents(map, sector, x, y, count, tangents);
     } else if (map->info.min3x3) { /* [BV24 eq. 2] */
         const float *rows[3];
@@ -3772,7 +4088,7 @@ static unsigned char *conemap__job_slots(const conemap_map *map, int pass) {
 
 CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job) {
     conemap_result result = CONEMAP_OK;
-    int h, q, sector, y0;
+    int h, q, sector, y0, y1;
     if (!map) return CONEMAP_ERROR_NULL;
     if (job < 0 || job >= conemap_job_count(map, pass)) return CONEMAP_ERROR_ORDER;
     h = map->info.height;
@@ -3784,16 +4100,20 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
                                       conemap__mini((job + 1) * CONEMAP__STRIP, h));
         break;
     case CONEMAP__PASS_STRIPS:
-        conemap__pyramid_strip(map, &map->build.texels, job);
+        if (map->build.texels.levels) conemap__maxima_strip(map, job);
         for (q = 0; q < 4; ++q) conemap__pyramid_strip(map, &map->build.falling[q], job);
         break;
     case CONEMAP__PASS_TOP:
-        conemap__pyramid_top(map, &map->build.texels);
+        if (map->build.texels.levels) conemap__maxima_top(map);
         for (q = 0; q < 4; ++q) conemap__pyramid_top(map, &map->build.falling[q]);
         break;
     case CONEMAP__PASS_CONES:
-        result = map->build.rims ? conemap__safe_band(map, job)
-                                 : conemap__cone_rows(map, sector, y0, conemap__mini(y0 + CONEMAP__BAND, h));
+        y1 = conemap__mini(y0 + CONEMAP__BAND, h);
+        result = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR ? conemap__relaxed_band(map, job)
+                 : map->build.cell_slopes                    ? conemap__safe_band(map, job)
+                 : map->info.generator == CONEMAP_EXACT      ? conemap__exact_rows(map, sector, y0, y1)
+                 : conemap__needs_pyramid(map->info.generator) ? conemap__quick_rows(map, y0, y1)
+                                                             : conemap__cone_rows(map, y0, y1);
         break;
     case CONEMAP__PASS_STORE:
         conemap__store_rows(map, sector, y0, conemap__mini(y0 + CONEMAP__BAND, h));
@@ -3846,7 +4166,7 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
     map->build.scratch = NULL;
     map->build.owns_scratch = 0;
     map->build.job_results = NULL;
-    map->build.plane = map->build.rims = map->build.folds = NULL;
+    map->build.plane = map->build.cell_slopes = NULL;
     if (!map->build.keeps_search) memset(&map->build.texels, 0, sizeof map->build.texels);
     memset(map->build.falling, 0, sizeof map->build.falling);
     memset(&map->build.desc, 0, sizeof map->build.desc);
@@ -4109,7 +4429,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         }
         work.build.wanted = edit.wanted;
         if (work.build.keeps_search)
-            conemap__pyramid_region(&work, &work.build.texels, x, x + width - 1, y, y + height - 1);
+            conemap__maxima_region(&work, y, y + height - 1);
         else
             for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
                 for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
@@ -4118,7 +4438,7 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
                 if (edit.bands[job]) (void)conemap_run_job(&work, pass, job);
         if (map->cells.levels > 0) conemap__update_cells(map, &edit);
         if (edit.highest >= map->highest && work.build.keeps_search)
-            map->highest = conemap__block_max(&work.build.texels, work.build.texels.levels - 1, 0, 0);
+            map->highest = conemap__maxima(&work.build.texels, work.build.texels.levels - 1, 0)[0];
         else if (edit.highest >= map->highest)
             map->highest = conemap__rectangle_max(map, 0, 0, map->info.width, map->info.height, 0.0f);
     }
@@ -4461,7 +4781,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     if (map->cells.levels > 0)
         conemap__pyramid_region(map, &map->cells, 0, map->cells.width[0] - 1, 0, map->cells.height[0] - 1);
     if (map->build.keeps_search) {
-        conemap__pyramid_region(map, &map->build.texels, 0, info.width - 1, 0, info.height - 1);
+        conemap__maxima_region(map, 0, info.height - 1);
         for (job = 0; job < conemap__planes(&info) * conemap__bands(info.height); ++job)
             conemap__survey_band(map, job / conemap__bands(info.height), job % conemap__bands(info.height));
     } else {
@@ -7261,22 +7581,22 @@ CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *
 }
 
 /* How many levels a square of 2^n has that holds all cells. */
-static int conemap__maxima_top(const conemap_map *map) {
+static int conemap__maxima_square(const conemap_map *map) {
     int top = 0;
     while ((1 << top) < map->cells.width[0] || (1 << top) < map->cells.height[0]) ++top;
     return top;
 }
 
 CONEMAP__DEF int conemap_maxima_levels(const conemap_map *map) {
-    return map && map->cells.levels > 0 ? conemap__maxima_top(map) + 1 : 0;
+    return map && map->cells.levels > 0 ? conemap__maxima_square(map) + 1 : 0;
 }
 
 CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size) {
     int side, x, y;
     if (!map || !map->heights || !values) return CONEMAP_ERROR_NULL;
     if (map->cells.levels == 0) return CONEMAP_ERROR_NO_PYRAMID;
-    if (level < 0 || level > conemap__maxima_top(map)) return CONEMAP_ERROR_PARAMETER;
-    side = 1 << (conemap__maxima_top(map) - level);
+    if (level < 0 || level > conemap__maxima_square(map)) return CONEMAP_ERROR_PARAMETER;
+    side = 1 << (conemap__maxima_square(map) - level);
     if (size / sizeof *values < (size_t)side * (size_t)side) return CONEMAP_ERROR_BUFFER;
     for (y = 0; y < side; ++y)
         for (x = 0; x < side; ++x)
@@ -7763,11 +8083,11 @@ typedef struct conemap__bone {
 } conemap__bone;
 
 /* A node of the tree of boxes, in depth-first order: an inner node's first child follows it. */
-typedef struct conemap__node {
+typedef struct conemap__branch {
     float low[3], high[3];
     int count;                  /* frusta of a leaf; 0: an inner node */
     int next;                   /* a leaf's first place in `leaves`; an inner node's second child */
-} conemap__node;
+} conemap__branch;
 
 /* A segment while it is being skinned. */
 typedef struct conemap__limb {
@@ -8091,10 +8411,10 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
 static void conemap__refit(conemap_skeleton *skeleton) {
     int i, j, k;
     for (i = skeleton->build.nodes - 1; i >= 0; --i) {
-        conemap__node *node = &skeleton->build.tree[i];
+        conemap__branch *node = &skeleton->build.tree[i];
         int count = node->count ? node->count : 2;
         for (j = 0; j < count; ++j) {
-            const conemap__node *child = j ? &skeleton->build.tree[node->next] : node + 1;
+            const conemap__branch *child = j ? &skeleton->build.tree[node->next] : node + 1;
             const float *box = node->count ? skeleton->build.boxes[skeleton->build.leaves[node->next + j]] : NULL;
             for (k = 0; k < 3; ++k) {
                 float low = box ? box[k] : child->low[k], high = box ? box[3 + k] : child->high[k];
@@ -8159,7 +8479,7 @@ static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, 
     count = (size_t)desc->segment_count;
     if (!conemap__add_size(&size, count, sizeof(conemap_frustum)) ||
         !conemap__add_size(&size, count, sizeof(conemap__bone)) ||
-        !conemap__add_size(&size, 2 * count, sizeof(conemap__node)) || !conemap__add_size(&size, count, sizeof(int)) ||
+        !conemap__add_size(&size, 2 * count, sizeof(conemap__branch)) || !conemap__add_size(&size, count, sizeof(int)) ||
         !conemap__add_size(&size, count, sizeof(int)) || !conemap__add_size(&size, count, 6 * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     *memory_size = size;
@@ -8317,7 +8637,7 @@ static void conemap__plant(conemap_skeleton *skeleton) {
     while (depth > 0) {
         int first = stack[--depth].first, count = stack[depth].count, axis = 0;
         int at = skeleton->build.nodes++;
-        conemap__node *node = &skeleton->build.tree[at];
+        conemap__branch *node = &skeleton->build.tree[at];
         if (stack[depth].parent >= 0) skeleton->build.tree[stack[depth].parent].next = at;
         node->count = count <= CONEMAP__LEAF ? count : 0;
         node->next = first;
@@ -8362,7 +8682,7 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     cursor = (unsigned char *)skeleton->build.memory;
     skeleton->build.frusta = (conemap_frustum *)conemap__cut(&cursor, count, sizeof(conemap_frustum));
     skeleton->build.bones = (conemap__bone *)conemap__cut(&cursor, count, sizeof(conemap__bone));
-    skeleton->build.tree = (conemap__node *)conemap__cut(&cursor, 2 * count, sizeof(conemap__node));
+    skeleton->build.tree = (conemap__branch *)conemap__cut(&cursor, 2 * count, sizeof(conemap__branch));
     skeleton->build.order = (int *)conemap__cut(&cursor, count, sizeof(int));
     skeleton->build.leaves = (int *)conemap__cut(&cursor, count, sizeof(int));
     skeleton->build.boxes = (float(*)[6])conemap__cut(&cursor, count, 6 * sizeof(float));
@@ -8645,7 +8965,7 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
 }
 
 /* When the ray enters a box; NEVER if it does not before `until`. */
-CONEMAP__INLINE double conemap__enter_box(const conemap__node *node, const conemap__world_ray *ray, const double *inverse,
+CONEMAP__INLINE double conemap__enter_box(const conemap__branch *node, const conemap__world_ray *ray, const double *inverse,
                                           double until) {
     double t0 = ray->t0, t1 = until;
     int k;
@@ -8659,7 +8979,7 @@ CONEMAP__INLINE double conemap__enter_box(const conemap__node *node, const conem
 
 static void conemap__walk_tree(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
                                const conemap__world_ray *ray, conemap__found *found) {
-    const conemap__node *tree = skeleton->build.tree;
+    const conemap__branch *tree = skeleton->build.tree;
     struct { int node; double t; } stack[64];
     double inverse[3];
     int depth = 0, k;
@@ -8668,7 +8988,7 @@ static void conemap__walk_tree(const conemap_skeleton *skeleton, const conemap_s
     stack[0].t = conemap__enter_box(&tree[0], ray, inverse, found->t);
     if (stack[0].t < CONEMAP__NEVER) depth = 1;
     while (depth > 0) {
-        const conemap__node *node = &tree[stack[--depth].node];
+        const conemap__branch *node = &tree[stack[--depth].node];
         int first, second, keep;
         double t_first, t_second, keep_t;
         if (stack[depth].t > found->t) continue;
@@ -10404,6 +10724,10 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__STRIP
 #undef CONEMAP__BAND
 #undef CONEMAP__RUN
+#undef CONEMAP__NEAR
+#undef CONEMAP__TILE
+#undef CONEMAP__NOTED
+#undef CONEMAP__TANGENT_MARGIN
 #undef CONEMAP__KNOWN
 #undef CONEMAP__VERIFY_DEPTH
 #undef CONEMAP__VERIFY_WORK
@@ -10446,6 +10770,7 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #ifdef CONEMAP__LANES /* included by itself, once for each instruction set: see K E R N E L S */
 
 #define CONEMAP__FUNCTION CONEMAP__TARGET static
+#define CONEMAP__LANE_GROUPS (CONEMAP__LANES < 4 ? 1 : (1 << CONEMAP__LANES / 4) - 1) /* of a tile, in a vector */
 #ifdef _MSC_VER
 #define CONEMAP__HELPER static __forceinline
 #elif defined(__GNUC__) || defined(__clang__)
@@ -10651,8 +10976,442 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, cons
     }
 }
 
+/* ---- maxima and slopes ------------------------------------------------------------------------------------------- */
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(maxima_row)(const float *above, const float *below, int width, float *out) {
+    int x = 0;
+    for (; 2 * (x + CONEMAP__LANES) <= width; x += CONEMAP__LANES) {
+        CONEMAP__F first = CONEMAP__MAX(CONEMAP__LOADF(above + 2 * x), CONEMAP__LOADF(below + 2 * x));
+        CONEMAP__F second = CONEMAP__MAX(CONEMAP__LOADF(above + 2 * x + CONEMAP__LANES),
+                                         CONEMAP__LOADF(below + 2 * x + CONEMAP__LANES));
+        CONEMAP__STOREF(out + x, CONEMAP__MAX(CONEMAP__EVEN(first, second), CONEMAP__ODD(first, second)));
+    }
+    for (; 2 * x < width; ++x) {
+        int next = conemap__mini(2 * x + 1, width - 1);
+        out[x] = conemap__max(conemap__max(above[2 * x], above[next]), conemap__max(below[2 * x], below[next]));
+    }
+}
+
+/* The same as conemap__slope2. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(slope2)(CONEMAP__F other, CONEMAP__F apex, float d2) {
+    CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(other, apex), CONEMAP__F1(0.0f));
+    return CONEMAP__DIV(CONEMAP__MUL(dh, dh), CONEMAP__F1(d2));
+}
+
+/* LANES of a row from column x on, which may lie beyond its ends; `missing` stands there unless the row wraps, or its ends are
+   repeated. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(beside)(const float *row, int x, int width, int wraps, int repeats,
+                                                   float missing) {
+    float lanes[CONEMAP__LANES];
+    int t;
+    if (x >= 0 && x + CONEMAP__LANES <= width) return CONEMAP__LOADF(row + x);
+    for (t = 0; t < CONEMAP__LANES; ++t) {
+        int at = x + t;
+        if (wraps) at = conemap__repeat(at, width);
+        if (repeats) at = at < 0 ? 0 : at >= width ? width - 1 : at;
+        lanes[t] = at >= 0 && at < width ? row[at] : missing;
+    }
+    return CONEMAP__LOADF(lanes);
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(ring_row)(const float *const *rows, int width, int wraps, float a, float b,
+                                                 float least, float *out) {
+    float d2[3];
+    int x, k, c;
+    d2[0] = a * a;
+    d2[1] = b * b;
+    d2[2] = a * a + b * b;
+    for (x = 0; x < width; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least);
+        for (k = 0; k < 3; ++k)
+            for (c = -1; rows[k] && c <= 1; ++c)
+                if (k != 1 || c != 0)
+                    best = CONEMAP__MAX(best, CONEMAP__KERNEL(slope2)(
+                                                  CONEMAP__KERNEL(beside)(rows[k], x + c, width, wraps, 0, -1.0f), apex,
+                                                  d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
+        CONEMAP__KERNEL(store)(out + x, best, width - x);
+    }
+}
+
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(larger)(CONEMAP__F a, CONEMAP__F b) { /* of the magnitudes */
+    CONEMAP__F zero = CONEMAP__F1(0.0f);
+    return CONEMAP__MAX(CONEMAP__MAX(a, CONEMAP__SUB(zero, a)), CONEMAP__MAX(b, CONEMAP__SUB(zero, b)));
+}
+
+/* A slope along an axis whose texels may have no length. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(over)(CONEMAP__F rise, float length) {
+    return length > 0.0f ? CONEMAP__DIV(rise, CONEMAP__F1(length)) : CONEMAP__F1(0.0f);
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps, float a,
+                                                     float b, float *out) {
+    int x;
+    for (x = 0; x < width; x += CONEMAP__LANES) {
+        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + x, width - x), h01 = CONEMAP__KERNEL(load)(below + x, width - x);
+        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, x + 1, width, wraps, 1, 0.0f);
+        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, x + 1, width, wraps, 1, 0.0f);
+        CONEMAP__F along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h10, h00), CONEMAP__SUB(h11, h01));
+        CONEMAP__F across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h01, h00), CONEMAP__SUB(h11, h10));
+        along = CONEMAP__KERNEL(over)(along, a);
+        across = CONEMAP__KERNEL(over)(across, b);
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)), width - x);
+    }
+}
+
+/* Step 3 of the proof of safe cones: an edge of length l at distance c, its ends `first` (at the foot of the perpendicular)
+   and `last` above the eye. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F last, float l, float c) {
+    CONEMAP__F zero = CONEMAP__F1(0.0f), rise, foot, end;
+    CONEMAP__M inside;
+    if (!(l > 0.0f && c > 0.0f)) return zero;
+    rise = CONEMAP__DIV(CONEMAP__MAX(CONEMAP__SUB(last, first), zero), CONEMAP__F1(l));
+    first = CONEMAP__MAX(first, zero);
+    last = CONEMAP__MAX(last, zero);
+    foot = CONEMAP__DIV(CONEMAP__MUL(first, first), CONEMAP__F1(c * c));
+    end = CONEMAP__DIV(CONEMAP__MUL(last, last), CONEMAP__F1(l * l + c * c));
+    inside = CONEMAP__LT(CONEMAP__MUL(rise, CONEMAP__F1(c * c)), CONEMAP__MUL(first, CONEMAP__F1(l)));
+    return CONEMAP__PICK(inside, CONEMAP__ADD(foot, CONEMAP__MUL(rise, rise)), CONEMAP__MAX(foot, end));
+}
+
+/* Step 3: a texel looks over its own cells. What is missing stands low, so it adds nothing. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, int width, int wraps, float a, float b,
+                                                    float least, float *out) {
+    int x, c, r;
+    for (x = 0; x < width; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least), along[2], slope_x[2];
+        for (c = 0; c < 2; ++c) {
+            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+            slope_x[c] = CONEMAP__KERNEL(over)(CONEMAP__MAX(along[c], CONEMAP__F1(0.0f)), a);
+            slope_x[c] = CONEMAP__MUL(slope_x[c], slope_x[c]);
+            best = CONEMAP__MAX(best, slope_x[c]);
+        }
+        for (r = 0; r < 3; r += 2) {
+            CONEMAP__F across, slope_y;
+            if (!rows[r]) continue;
+            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + x, width - x), apex);
+            slope_y = CONEMAP__KERNEL(over)(CONEMAP__MAX(across, CONEMAP__F1(0.0f)), b);
+            slope_y = CONEMAP__MUL(slope_y, slope_y);
+            for (c = 0; c < 2; ++c) {
+                CONEMAP__F opposite =
+                    CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[r], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+                best = CONEMAP__MAX(best, CONEMAP__ADD(slope_x[c], slope_y));
+                best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(along[c], opposite, b, a));
+                best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(across, opposite, a, b));
+            }
+        }
+        CONEMAP__KERNEL(store)(out + x, best, width - x);
+    }
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(near_row)(const float *row, const float *const *rows, const int *columns,
+                                                 const float *inverse, int n, int width, int wraps, int first, int count,
+                                                 float *out) {
+    int x, k;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(row + first + x, count - x), best = CONEMAP__F1(0.0f);
+        for (k = 0; k < n; ++k) {
+            CONEMAP__F dh = CONEMAP__SUB(
+                CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 0, -1.0f), apex);
+            dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__MUL(CONEMAP__MUL(dh, dh), CONEMAP__F1(inverse[k])));
+        }
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
+    }
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, const int *columns, int n, int width,
+                                                     int wraps, int first, int count, float *out) {
+    int x, k;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F best = CONEMAP__F1(0.0f);
+        for (k = 0; k < n; ++k)
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 1, 0.0f));
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
+    }
+}
+
+/* See conemap__quick_axis. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns,
+                                                  const conemap__quick_level *levels, const float *heights, float least,
+                                                  int count, float *out) {
+    int i, k, a, b;
+    for (i = 0; i < count; i += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(heights + i, count - i), s = CONEMAP__F1(least);
+        for (k = 0; k < pyramid->levels; ++k) {
+            CONEMAP__M open = CONEMAP__IEQ(CONEMAP__LOADI(columns->full[k] + i), CONEMAP__I1(0));
+            if (levels[k].full && !CONEMAP__ANY(open)) break;
+            for (b = 0; b < 3; ++b) {
+                const float *row = conemap__maxima(pyramid, k, levels[k].node[b]);
+                if (levels[k].q[b] >= CONEMAP__FAR) continue; /* no such block */
+                for (a = 0; a < 3; ++a) {
+                    CONEMAP__F dh, d2, other;
+                    if (a == 1 && b == 1) continue;
+                    dh = CONEMAP__SUB(CONEMAP__GATHERF(row, CONEMAP__LOADI(columns->node[k][a] + i)), apex);
+                    dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
+                    d2 = CONEMAP__ADD(CONEMAP__LOADF(columns->p[k][a] + i), CONEMAP__F1(levels[k].q[b]));
+                    other = CONEMAP__ADD(CONEMAP__LOADF(columns->q[k][a] + i), CONEMAP__F1(levels[k].p[b]));
+                    d2 = CONEMAP__DIV(CONEMAP__MUL(dh, dh), CONEMAP__MIN(d2, other));
+                    if (levels[k].full) d2 = CONEMAP__PICK(open, d2, CONEMAP__F1(0.0f));
+                    s = CONEMAP__MAX(s, d2);
+                }
+            }
+        }
+        CONEMAP__KERNEL(store)(out + i, s, count - i);
+    }
+}
+
+/* ---- the search of a tile: see G E N E R A T I O N ----------------------------------------------------------------- */
+
+/* A group's lowest texel and least slope, for the groups of a block. */
+CONEMAP__HELPER void CONEMAP__KERNEL(sum_up)(conemap__tile *tile, int first) {
+    int g;
+    for (g = first; g < first + 4; ++g) {
+        const float *s = tile->slope2 + 4 * g;
+        tile->bar[g] = conemap__min(conemap__min(s[0], s[1]), conemap__min(s[2], s[3])) * CONEMAP__MARGIN;
+    }
+}
+
+/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the blocks of some groups. Places
+   count from the tile's corner. `plain`: vertex cones. */
+CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x, int y,
+                                              const float *heights, int texels, int plain) {
+    int block, i, c, noted, any = 0, whole = search->widen2 > 1.0f; /* with slack the lanes must not matter */
+    if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
+    noted = tile->noted;
+    for (block = 0; block < 4; ++block) {
+        int won = 0;
+        if (!(groups >> (4 * block) & 15)) continue;
+        for (i = 16 * block; i < 16 * block + 16; i += CONEMAP__LANES) {
+            CONEMAP__F lane_x = CONEMAP__LOADF(conemap__lane_x + i), lane_y = CONEMAP__LOADF(conemap__lane_y + i);
+            CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i);
+            CONEMAP__F bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
+            CONEMAP__F dx[2], dy[2];
+            if (!whole && !(groups >> i / 4 & CONEMAP__LANE_GROUPS)) continue;
+            for (c = 0; c < (texels > 1 ? 2 : 1); ++c) {
+                dx[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(x + c)), lane_x), CONEMAP__F1(search->a));
+                dy[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(y + c)), lane_y), CONEMAP__F1(search->b));
+                dx[c] = CONEMAP__MUL(dx[c], dx[c]);
+                dy[c] = CONEMAP__MUL(dy[c], dy[c]);
+            }
+            for (c = 0; c < texels; ++c) {
+                CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(heights[c]), apex), CONEMAP__F1(0.0f));
+                CONEMAP__F dh2 = CONEMAP__MUL(dh, dh), d2 = CONEMAP__ADD(dx[c & 1], dy[c >> 1]);
+                CONEMAP__M beats;
+                if (plain) {
+                    beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
+                } else {
+                    CONEMAP__M is_far = CONEMAP__LE(CONEMAP__F1(search->near2), d2);
+                    d2 = CONEMAP__SUB(d2, CONEMAP__F1(search->deflate));
+                    beats = CONEMAP__AND(is_far, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
+                }
+                if (CONEMAP__ANY(beats)) {
+                    CONEMAP__F slope2 = CONEMAP__DIV(dh2, d2);
+                    CONEMAP__I decider = CONEMAP__LOADI(tile->decider + i);
+                    beats = CONEMAP__AND(beats, CONEMAP__LT(s, slope2));
+                    s = CONEMAP__PICK(beats, slope2, s);
+                    bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
+                    CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(noted + c), decider));
+                    CONEMAP__STOREF(tile->slope2 + i, s);
+                    won = 1;
+                }
+            }
+        }
+        if (won) CONEMAP__KERNEL(sum_up)(tile, 4 * block);
+        any |= won;
+    }
+    if (!any) return;
+    for (c = 0; c < texels; ++c) {
+        tile->noted_x[noted + c] = x + (c & 1) + tile->x + tile->shift_x;
+        tile->noted_y[noted + c] = y + (c >> 1) + tile->y + tile->shift_y;
+    }
+    tile->noted += texels;
+}
+
+/* The groups of `groups` of which some texel must look into a block: its highest texel, its columns x0 to x1, rows y0 to y1. */
+CONEMAP__HELPER int CONEMAP__KERNEL(look_into)(const conemap__search *search, conemap__tile *tile, int groups,
+                                               float highest, float x0, float x1, float y0, float y1, int plain) {
+    int i, k, alive = 0;
+    for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
+        CONEMAP__F x = CONEMAP__LOADF(conemap__lane_x + i), y = CONEMAP__LOADF(conemap__lane_y + i), dx, dy, dh2, d2, bar;
+        CONEMAP__M beats;
+        int bits;
+        if (!(groups >> i / 4 & CONEMAP__LANE_GROUPS) || (plain && CONEMAP__LANES == 1 && (alive >> i / 4 & 1))) continue;
+        dx = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(x0), x), CONEMAP__SUB(x, CONEMAP__F1(x1)));
+        dy = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(y0), y), CONEMAP__SUB(y, CONEMAP__F1(y1)));
+        dx = CONEMAP__MUL(CONEMAP__MAX(dx, CONEMAP__F1(0.0f)), CONEMAP__F1(search->a));
+        dy = CONEMAP__MUL(CONEMAP__MAX(dy, CONEMAP__F1(0.0f)), CONEMAP__F1(search->b));
+        d2 = CONEMAP__ADD(CONEMAP__MUL(dx, dx), CONEMAP__MUL(dy, dy));
+        dh2 = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), CONEMAP__LOADF(tile->height + i)), CONEMAP__F1(0.0f));
+        dh2 = CONEMAP__MUL(dh2, dh2);
+        bar = CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + i), CONEMAP__F1(CONEMAP__MARGIN));
+        if (plain) {
+            beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
+        } else {
+            CONEMAP__M near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
+            d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
+            bar = CONEMAP__MUL(bar, d2);
+            beats = CONEMAP__LT(bar, dh2);
+            if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
+                CONEMAP__F folded = CONEMAP__LOADF(tile->lane_folded + i);
+                wide = CONEMAP__LT(CONEMAP__MUL(bar, CONEMAP__F1(search->widen2)), dh2);
+                wide = CONEMAP__AND(beats, CONEMAP__OR(near, wide));
+                folded = CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
+                CONEMAP__STOREF(tile->lane_folded + i, folded);
+                beats = wide;
+            }
+        }
+        bits = CONEMAP__BITS(beats);
+        for (k = 0; k < CONEMAP__LANES; k += 4) alive |= (bits >> k & 15 ? 1 : 0) << (i + k) / 4;
+    }
+    return alive & groups;
+}
+
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some of `groups` must look into; the
+   one nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
+CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile, int k,
+                                          int x, int y, int groups, int skip, conemap__node *out, int plain) {
+    const conemap_pyramid *pyramid = &map->build.texels;
+    int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, g, c, count = 0;
+    int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
+    int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k], alive[4];
+    const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
+    float maxima[4];
+    maxima[0] = row[0];
+    maxima[1] = right_too ? row[1] : -1.0f;
+    maxima[2] = below_too ? row[pyramid->width[k]] : -1.0f;
+    maxima[3] = right_too && below_too ? row[pyramid->width[k] + 1] : -1.0f;
+    alive[0] = alive[1] = alive[2] = alive[3] = 0;
+    for (g = 0; g < 16; g += CONEMAP__LANES) {
+        CONEMAP__F x0 = CONEMAP__LOADF(conemap__group_x + g), y0 = CONEMAP__LOADF(conemap__group_y + g);
+        CONEMAP__F x1 = CONEMAP__ADD(x0, CONEMAP__F1(1.0f)), y1 = CONEMAP__ADD(y0, CONEMAP__F1(1.0f));
+        CONEMAP__F lowest = CONEMAP__LOADF(tile->lowest + g), bar = CONEMAP__LOADF(tile->bar + g), dx[2], dy[2];
+        if (!(groups >> g & ((1 << CONEMAP__LANES) - 1))) continue;
+        for (c = 0; c < 2; ++c) {
+            float first_x = (float)(left + c * size), first_y = (float)(top + c * size), extent = (float)(size - 1);
+            dx[c] = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(first_x), x1), CONEMAP__SUB(x0, CONEMAP__F1(first_x + extent)));
+            dy[c] = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(first_y), y1), CONEMAP__SUB(y0, CONEMAP__F1(first_y + extent)));
+            dx[c] = CONEMAP__MUL(CONEMAP__MAX(dx[c], CONEMAP__F1(0.0f)), CONEMAP__F1(search->a));
+            dy[c] = CONEMAP__MUL(CONEMAP__MAX(dy[c], CONEMAP__F1(0.0f)), CONEMAP__F1(search->b));
+            dx[c] = CONEMAP__MUL(dx[c], dx[c]);
+            dy[c] = CONEMAP__MUL(dy[c], dy[c]);
+        }
+        for (c = 0; c < 4; ++c) {
+            CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(maxima[c]), lowest), CONEMAP__F1(0.0f));
+            CONEMAP__F dh2 = CONEMAP__MUL(dh, dh), d2 = CONEMAP__ADD(dx[c & 1], dy[c >> 1]), product;
+            if (plain) {
+                alive[c] |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2)) << g;
+            } else {
+                CONEMAP__I asked = CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__group_bit + g));
+                CONEMAP__M beats, near, wide, dropped;
+                near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
+                d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
+                product = CONEMAP__MUL(bar, d2);
+                beats = CONEMAP__LT(product, dh2);
+                if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
+                    CONEMAP__F folded = CONEMAP__LOADF(tile->folded + g);
+                    wide = CONEMAP__AND(beats, CONEMAP__OR(near, CONEMAP__LT(CONEMAP__MUL(product,
+                                                                             CONEMAP__F1(search->widen2)), dh2)));
+                    dropped = CONEMAP__ANDNOT(CONEMAP__ANDNOT(beats, wide), CONEMAP__IEQ(asked, CONEMAP__I1(0)));
+                    folded = CONEMAP__PICK(dropped, CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
+                    CONEMAP__STOREF(tile->folded + g, folded);
+                    beats = wide;
+                }
+                alive[c] |= CONEMAP__BITS(beats) << g;
+            }
+        }
+    }
+    for (c = 3; c >= 0; --c) {
+        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y, child = 2 * down + across;
+        float first_x = (float)(left + across * size), first_y = (float)(top + down * size), extent = (float)(size - 1);
+        if (!(alive[child] & groups) || child == skip) continue;
+        out[count].k = k;
+        out[count].x = 2 * x + across;
+        out[count].y = 2 * y + down;
+        out[count].groups = CONEMAP__KERNEL(look_into)(search, tile, alive[child] & groups, maxima[child], first_x,
+                                                       first_x + extent, first_y, first_y + extent, plain);
+        count += out[count].groups != 0;
+    }
+    return count;
+}
+
+/* Works the stack off, down to blocks of 2 x 2 texels, which are looked at one by one. */
+CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const conemap__search *search, conemap__tile *tile,
+                                               conemap__node *stack, int count, int plain) {
+    while (count > 0) {
+        conemap__node node = stack[--count];
+        if (node.k > 1) {
+            count += CONEMAP__KERNEL(open)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1, stack + count,
+                                           plain);
+        } else {
+            int w = map->info.width, x = 2 * node.x, y = 2 * node.y;
+            const float *row = map->heights + (size_t)y * (size_t)w + (size_t)x;
+            int right_too = x + 1 < w, below_too = y + 1 < map->info.height;
+            float heights[4];
+            heights[0] = row[0];
+            heights[1] = right_too ? row[1] : -1.0f;
+            heights[2] = below_too ? row[w] : -1.0f;
+            heights[3] = right_too && below_too ? row[w + 1] : -1.0f;
+            CONEMAP__KERNEL(look_at)(search, tile, node.groups, x - tile->x, y - tile->y, heights, 4, plain);
+        }
+    }
+}
+
+CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const conemap__search *search,
+                                                 conemap__tile *tile, int plain) {
+    conemap__node stack[3 * 17 + 4];
+    const conemap_info *info = &map->info;
+    int levels = map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b, all = 0xffff;
+    int wrap_u = info->wrap_u == CONEMAP_WRAP, wrap_v = info->wrap_v == CONEMAP_WRAP;
+    for (k = 0; k < 16; ++k) {
+        const float *h = tile->height + 4 * k;
+        tile->lowest[k] = conemap__min(conemap__min(h[0], h[1]), conemap__min(h[2], h[3]));
+        tile->folded[k] = 0.0f;
+    }
+    for (k = 0; k < 16; k += 4) CONEMAP__KERNEL(sum_up)(tile, k);
+    tile->shift_x = tile->shift_y = 0;
+    for (k = 0; k < search->seeds; ++k) {
+        int x = search->seed_x[k], y = search->seed_y[k];
+        float height = conemap__height(map, conemap__texel_index(x, info->width, info->wrap_u),
+                                       conemap__texel_index(y, info->height, info->wrap_v));
+        CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1, plain);
+    }
+    if (levels == 1) return; /* a single texel and its images */
+    k = conemap__mini(3, levels - 1);
+    stack[0].k = k;
+    stack[0].x = x0 >> k;
+    stack[0].y = y0 >> k;
+    stack[0].groups = all;
+    CONEMAP__KERNEL(work_off)(map, search, tile, stack, 1, plain);
+    for (; k + 1 < levels; ++k) {
+        int own = (y0 >> k & 1) << 1 | (x0 >> k & 1);
+        int count = CONEMAP__KERNEL(open)(map, search, tile, k, x0 >> (k + 1), y0 >> (k + 1), all, own, stack, plain);
+        CONEMAP__KERNEL(work_off)(map, search, tile, stack, count, plain);
+    }
+    for (b = -wrap_v; b <= wrap_v; ++b)
+        for (a = -wrap_u; a <= wrap_u; ++a) {
+            int count;
+            if (a == 0 && b == 0) continue;
+            tile->shift_x = a * info->width;
+            tile->shift_y = b * info->height;
+            tile->x = x0 - tile->shift_x;
+            tile->y = y0 - tile->shift_y;
+            count = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack, plain);
+            CONEMAP__KERNEL(work_off)(map, search, tile, stack, count, plain);
+        }
+    tile->x = x0;
+    tile->y = y0;
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile) {
+    if (search->deflate > 0.0f || search->near2 > 0.0f || search->widen2 > 1.0f)
+        CONEMAP__KERNEL(search_all)(map, search, tile, 0);
+    else
+        CONEMAP__KERNEL(search_all)(map, search, tile, 1);
+}
+
 /* For the next instruction set. */
 #undef CONEMAP__FUNCTION
+#undef CONEMAP__LANE_GROUPS
 #undef CONEMAP__HELPER
 #undef CONEMAP__ADD
 #undef CONEMAP__AND

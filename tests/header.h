@@ -19,7 +19,7 @@ static int header_skeleton(void)
     conemap_skeleton skeleton;
     conemap_ray ray = {{0, 1, 5}, {0, 0, -1}, 0, 0};
     conemap_skeleton_hit hit;
-    float corners[8][3], span[2], uvw[3], point[3] = {0, 1, 1};
+    float corners[8][3], span[2], uvw[3] = {0, 0, 0}, point[3] = {0, 1, 1};
     size_t size;
     int wrong = 0;
 
