@@ -625,8 +625,8 @@ CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float 
    P L A N N I N G
    ====================================================================================================== */
 
-/* What the planner needs to know of a heightmap. The arrays are for rays that move 1/32, 1/8, 1/2 and 2 map widths sideways
-   on their way from the top of the box to its floor. */
+/* What the planner needs to know of a heightmap. The arrays are for rays that move 1/32, 1/8, 1/2 and 2 map widths
+   sideways on their way from the top of the box to its floor. */
 typedef struct conemap_statistics {
     int width, height;
     float roughness;        /* root mean square difference of texels next to each other over that of heights from their
@@ -672,12 +672,12 @@ typedef struct conemap_planned {
     int within_budget;      /* zero: nothing that is tolerated fits the budgets; this is the quickest that is tolerated */
 } conemap_planned;
 
-/* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a small
-   model fitted to measurements (see PLANS in the implementation, and `accuracy`, which prints predictions beside
-   measurements). Steps and times are estimates, mostly within 25 %, at worst off by 2; bounds of misses and errors are
-   those of the roughest maps measured, times 1.25, not proofs; 0 missed is one. Deterministic: nothing is timed.
-   planned: overwritten; zeroed on errors. Errors: NULL, SIZE, PARAMETER (statistics that conemap_get_statistics does
-   not give, or a field out of its range). Thread-safe. */
+/* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a
+   small model fitted to measurements (see PLANS in the implementation, and `accuracy --plans`, which prints predictions
+   beside measurements). Steps and times are off by a fifth as a mean. Bounds of misses and errors are the largest that
+   were measured on like maps, times 1.5, not proofs; without tolerances nothing is missed for certain. Deterministic:
+   nothing is timed. planned: overwritten; zeroed on errors. Errors: NULL, SIZE, PARAMETER (statistics that
+   conemap_get_statistics does not give, or a field out of its range). Thread-safe. */
 CONEMAP_API conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned);
 
 /* ======================================================================================================

@@ -1168,7 +1168,7 @@ static int report_papers(struct scene *s, struct progress *progress) {
                others[k].times[0] / 0.59, other[k][1] / ours[0][0][0][0], others[k].times[1] / 0.59);
     puts("\n  Where ours differ: cell-max costs us a few percent and them up to a third, for beside a sample on a CPU a\n"
          "  cell's border is cheap; 200 steps cost us hardly more than 32, for a ray of ours ends when it has hit,\n"
-         "  while theirs wait for the slowest of their group; qdm and maxmip cost us a third more and them three to\n"
+         "  while theirs wait for the slowest of their group; qdm and maxmip cost us up to a third more and them three to\n"
          "  five times as much for the same reason, and for maxima that must be fetched one after the other.");
     puts("\n[VB22]'s table as ratios to brute force (its own trace, secant): ours / AMD / NVIDIA\n");
     printf("  %-10s %18s %18s %18s %18s\n", "", "[PO07] secant", "[PO07] bisection", "Algorithm 2", "center");

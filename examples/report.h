@@ -309,7 +309,7 @@ static void plot_errors(FILE *svg, const struct plotted *m, double x, double y, 
 }
 
 static void plot_apertures(FILE *svg, const struct plotted *m, double x, double y, double w, double h) {
-    static const double apertures[] = {0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1};
+    static const double apertures[] = {0.001, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1};
     static const double times[] = {1, 3, 10, 30, 100, 300, 1000, 3000, 10000, 30000};
     static struct panel p;
     double least = 1e300, most = 0, low = 1, high = 0, points[32][2];
@@ -329,8 +329,7 @@ static void plot_apertures(FILE *svg, const struct plotted *m, double x, double 
     p.x1 = log10(most) + 0.3;
     p.y0 = log10(low) - 0.1;
     p.y1 = log10(high) + 0.1;
-    put_frame(&p, "aperture against generation", "milliseconds to build", "mean of min(tan, 1)", times, 10, apertures,
-              10);
+    put_frame(&p, "aperture against generation", "milliseconds to build", "mean of min(tan, 1)", times, 10, apertures, 12);
     for (int k = 0; k < m->kinds; ++k) {
         points[k][0] = m->generation[k];
         points[k][1] = m->aperture[k];
