@@ -418,10 +418,15 @@ static int ground_has(const struct ground *g, const double box[3])
 
 static void ground_plain(struct ground *g, const struct scene *s)
 {
+    int axis;
     memset(g, 0, sizeof *g);
     g->map[0] = &s->truth;
-    g->low[0] = g->low[1] = s->truth.wrap_u == 1 ? -1e30 : 0.0;
-    g->high[0] = g->high[1] = s->truth.wrap_u == 1 ? 1e30 : 1.0;
+    for (axis = 0; axis < 2; ++axis) {
+        int wrap = axis ? s->truth.wrap_v : s->truth.wrap_u, size = axis ? s->truth.height : s->truth.width;
+        double border = wrap == 2 && size > 1 ? 0.5 / size : 0.0;
+        g->low[axis] = wrap == 1 ? -1e30 : border;
+        g->high[axis] = wrap == 1 ? 1e30 : 1.0 - border;
+    }
 }
 
 /* How far the ground rises above the ray, at most, over t0..t1, in `steps` steps; -1 if never. With holes only where it is
@@ -479,18 +484,23 @@ static const int shapes[] = {ZOO_FBM, ZOO_SPIKES, ZOO_BRICKS, ZOO_WHITE};
 
 static void curved(void)
 {
+    static const int sizes[][2] = {{24, 20}, {24, 20}, {24, 20}, {1, 1}, {1, 7}, {9, 1}, {2, 2}, {40, 3}};
     struct zoo_random random = zoo_seed(6);
     int round;
-    for (round = 0; round < 24; ++round) {
+    for (round = 0; round < 32; ++round) {
+        const int *size = sizes[round < 24 ? 0 : round - 24];
         struct scene s;
         struct ground g;
         conemap_frame f;
         conemap_effects e;
+        conemap_desc desc;
         int k;
-        if (!scene_make(&s, shapes[round % 4], 24, 20, round & 1, (uint32_t)round, NULL)) return;
+        memset(&desc, 0, sizeof desc);
+        if (round % 5 == 4) desc.generator = CONEMAP_RELAXED_EXACT; /* whose cones are not for bent rays */
+        if (!scene_make(&s, shapes[round % 4], size[0], size[1], round % 3, (uint32_t)round, &desc)) return;
         ground_plain(&g, &s);
         memset(&e, 0, sizeof e);
-        random_frame(&random, round % 3 == 0, &f);
+        random_frame(&random, round % 4 == 0, &f);
         for (k = 0; k < 3; ++k) f.curvature[k] = (round % 8 < 6 ? 1.0f : -1.0f) * (k == 1 ? 0.3f : 0.6f) * zoo_unit(&random);
         e.flags = CONEMAP_EFFECT_CURVED;
         e.frames = &f;
@@ -608,6 +618,111 @@ static void holes(void)
         scene_free(&s);
     }
     CHECK(walls > 50 && floors > 20 && plain_hits > 200, "%d walls, %d floors, %d hits", walls, floors, plain_hits);
+}
+
+/* A step cap ends a ray above the surface, and what is there is shaded. */
+static void caps(void)
+{
+    struct zoo_random random = zoo_seed(18);
+    struct scene s;
+    conemap_frame f;
+    conemap_effects e;
+    conemap_gradient gradient = {0.03f, 0.0f, 0.0f, 0.03f};
+    int k, capped = 0;
+    if (!scene_make(&s, ZOO_WHITE, 32, 32, 1, 3, NULL)) return;
+    memset(&e, 0, sizeof e);
+    memset(&f, 0, sizeof f);
+    f.curvature[0] = 0.2f;
+    e.frames = &f;
+    e.gradients = &gradient;
+    e.levels = &s.map;
+    e.level_count = 1;
+    e.lod_steps = 9;
+    for (k = 0; k < 200; ++k) {
+        conemap_ray ray = {{0.0f, 0.3f, 1.2f}, {1.0f, 0.1f, -0.12f}, 0.0f, 0.0f};
+        conemap_hit hit;
+        conemap_shading shading;
+        ray.origin[0] = zoo_unit(&random);
+        shading.position[0] = -99.0f;
+        e.flags = CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_LOD | (k & 1 ? (unsigned)CONEMAP_EFFECT_CURVED : 0u);
+        CHECK(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+        CHECK(hit.steps <= 9, "%d steps", hit.steps);
+        if (hit.status != CONEMAP_STEP_CAP) continue;
+        ++capped;
+        CHECK(hit.steps == 9 && (double)hit.z >= truth_height(&s.truth, (double)hit.u, (double)hit.v) - 1e-4,
+              "ray %d: %d steps, %g over", k, hit.steps,
+              (double)hit.z - truth_height(&s.truth, (double)hit.u, (double)hit.v));
+        CHECK(shading.position[0] != -99.0f, "ray %d: not shaded", k);
+    }
+    CHECK(capped > 50, "%d capped", capped);
+    scene_free(&s);
+}
+
+/* Any finite numbers at all: it ends, and every answer is one. */
+static void extremes(void)
+{
+    struct zoo_random random = zoo_seed(19);
+    int round, k, valid = 0;
+    for (round = 0; round < 60; ++round) {
+        static const int sizes[][2] = {{1, 1}, {2, 1}, {1, 5}, {7, 3}, {16, 16}};
+        const int *size = sizes[zoo_below(&random, 5)];
+        unsigned char alpha[16 * 16];
+        struct scene s;
+        if (!scene_make(&s, zoo_below(&random, ZOO_KINDS), size[0], size[1], zoo_below(&random, 3), 3, NULL)) return;
+        for (k = 0; k < 256; ++k) alpha[k] = (unsigned char)zoo_below(&random, 256);
+        for (k = 0; k < 60; ++k) {
+            conemap_ray ray;
+            conemap_hit hit;
+            conemap_shading shading;
+            conemap_frame f;
+            conemap_effects e;
+            conemap_gradient g;
+            conemap_result result;
+            int c;
+#define ANY (signed_unit(&random) * powf(10.0f, (zoo_below(&random, 3) ? 1.0f : 12.0f) * signed_unit(&random)) *  \
+             (float)(zoo_below(&random, 4) != 0))
+            random_frame(&random, 0, &f);
+            memset(&e, 0, sizeof e);
+            memset(&ray, 0, sizeof ray);
+            memset(&shading, 0, sizeof shading);
+            f.depth = fabsf(ANY);
+            for (c = 0; c < 3; ++c) {
+                f.curvature[c] = ANY * 0.1f;
+                ray.origin[c] = ANY;
+                ray.direction[c] = ANY;
+                e.light[c] = ANY;
+            }
+            ray.t_min = fabsf(ANY);
+            ray.t_max = zoo_below(&random, 2) ? 0.0f : ray.t_min + fabsf(ANY);
+            g.dudx = ANY;
+            g.dudy = ANY;
+            g.dvdx = ANY;
+            g.dvdy = ANY;
+            e.flags = zoo_next(&random) & (CONEMAP_EFFECT_ALL_BITS & ~(unsigned)CONEMAP_EFFECT_DEPTH);
+            if (zoo_below(&random, 2)) e.flags &= ~(unsigned)(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SKY);
+            e.frames = &f;
+            e.gradients = &g;
+            e.levels = &s.map;
+            e.level_count = 1;
+            e.alpha = alpha;
+            e.sky_directions = 3;
+            e.light_is_point = zoo_below(&random, 2);
+#undef ANY
+            shading.shadow = shading.occlusion = 0.5f;
+            result = conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1);
+            if (result != CONEMAP_OK) continue;
+            ++valid;
+            CHECK((int)hit.status >= 0 && hit.status < CONEMAP_INVALID, "status %d", (int)hit.status);
+            CHECK(shading.shadow >= 0.0f && shading.shadow <= 1.0f && shading.occlusion >= 0.0f &&
+                      shading.occlusion <= 1.0f && shading.fade >= 0.0f && shading.fade <= 1.0f,
+                  "round %d: ray %d: shadow %g, occlusion %g, fade %g", round, k, (double)shading.shadow,
+                  (double)shading.occlusion, (double)shading.fade);
+            if (hit.status == CONEMAP_HIT)
+                for (c = 0; c < 3; ++c) CHECK(shading.normal[c] >= -1.001f && shading.normal[c] <= 1.001f, "normal");
+        }
+        scene_free(&s);
+    }
+    CHECK(valid > 300, "%d of 3600 were valid", valid);
 }
 
 /* ---- levels ---------------------------------------------------------------------------------------- */
@@ -754,8 +869,8 @@ static void shadows(void)
     int round, wrong = 0, dark = 0, total = 0;
     for (round = 0; round < 16; ++round) {
         struct scene s;
-        int k, point = round % 3 == 2;
-        if (!scene_make(&s, shapes[round % 4], 24, 20, round & 1, (uint32_t)round, NULL)) return;
+        int k, point = round % 5 >= 3;
+        if (!scene_make(&s, shapes[round % 4], 24, 20, round % 3, (uint32_t)round, NULL)) return;
         for (k = 0; k < 200; ++k) {
             conemap_ray ray;
             conemap_hit hit;
@@ -776,7 +891,7 @@ static void shadows(void)
             ray.origin[2] = 0.4f;
             ray.direction[2] = -1.0f;
             for (c = 0; c < 3; ++c) e.light[c] = point ? zoo_unit(&random) : signed_unit(&random);
-            e.light[2] = point ? 0.35f : 0.7f * zoo_unit(&random) + 0.01f;
+            e.light[2] = point ? zoo_between(&random, 0.05f, 0.35f) : 0.7f * zoo_unit(&random) + 0.01f;
             if (!CHECK(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade")) break;
             if (hit.status != CONEMAP_HIT) continue;
             from[0] = (double)hit.u;
@@ -977,6 +1092,32 @@ static void skies(void)
         }
         scene_free(&s);
     }
+    { /* what is out of reach hides nothing: a tower, seen from 0.3 away */
+        float heights[32 * 32], seen[3];
+        conemap_desc desc;
+        conemap_map map;
+        memset(&desc, 0, sizeof desc);
+        memset(heights, 0, sizeof heights);
+        for (k = 0; k < 32; ++k) heights[k * 32 + 20] = 1.0f;
+        desc.heights.pixels = heights;
+        desc.heights.width = desc.heights.height = 32;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        for (k = 0; k < 3; ++k) {
+            conemap_ray ray = {{0.3f, 0.5f, 3.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+            conemap_hit hit;
+            conemap_shading shading;
+            conemap_effects e;
+            memset(&e, 0, sizeof e);
+            e.flags = CONEMAP_EFFECT_SKY;
+            e.sky_directions = 64;
+            e.sky_reach = k == 0 ? 0.2f : k == 1 ? 0.4f : 0.0f;
+            CHECK(conemap_shade(&map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+            seen[k] = shading.occlusion;
+        }
+        CHECK(seen[0] > 0.999f && seen[1] < 0.9f && seen[2] < seen[1] - 0.05f, "reach: %g %g %g", (double)seen[0],
+              (double)seen[1], (double)seen[2]);
+        conemap_free(&map);
+    }
     test_note("sky off by %.4f", worst);
 }
 
@@ -1081,6 +1222,34 @@ static void clips(void)
         }
     }
     CHECK(left > 20, "%d left", left);
+    { /* a wall behind the clip throws no shadow; a side's normal is that of the side */
+        float heights[16 * 16];
+        conemap_desc desc;
+        conemap_map map;
+        conemap_ray down = {{0.5f, 0.5f, 2.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+        conemap_ray level = {{-1.0f, 0.5f, 0.05f}, {1.0f, 0.01f, 0.0f}, 0.0f, 0.0f};
+        conemap_hit hit;
+        conemap_shading shading;
+        memset(&desc, 0, sizeof desc);
+        memset(&e, 0, sizeof e);
+        for (k = 0; k < 256; ++k) heights[k] = k % 16 == 12 ? 1.0f : 0.1f;
+        desc.heights.pixels = heights;
+        desc.heights.width = desc.heights.height = 16;
+        desc.wrap_u = desc.wrap_v = CONEMAP_WRAP;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        e.flags = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_NORMAL;
+        e.light[0] = 1.0f;
+        e.light[2] = 0.3f;
+        e.clip[2] = 0.65f;
+        e.clip[3] = 1.0f;
+        CHECK(conemap_shade(&map, NULL, &e, &down, &hit, &shading, 1) == CONEMAP_OK && shading.shadow == 1.0f, "clipped wall");
+        CHECK(conemap_shade(&map, NULL, &e, &level, &hit, &shading, 1) == CONEMAP_OK && hit.inside &&
+                  shading.normal[0] == -1.0f && shading.shadow == 0.0f,
+              "side: normal %g, shadow %g", (double)shading.normal[0], (double)shading.shadow);
+        e.clip[2] = 1.0f;
+        CHECK(conemap_shade(&map, NULL, &e, &down, &hit, &shading, 1) == CONEMAP_OK && shading.shadow == 0.0f, "wall");
+        conemap_free(&map);
+    }
     scene_free(&s);
 }
 
@@ -1417,6 +1586,8 @@ const struct test_case effects_tests[] = {
     {"curved", curved},
     {"blended levels", blended_levels},
     {"holes", holes},
+    {"caps", caps},
+    {"extremes", extremes},
     {"level means", level_means},
     {"cones between levels", level_cones},
     {"no popping", no_popping},
