@@ -310,7 +310,7 @@ static void depths(void)
     CHECK(conemap_depth(NULL, p, CONEMAP_DEPTH_ZERO_TO_ONE, &depth) == CONEMAP_ERROR_NULL, "null");
     CHECK(conemap_depth(m, NULL, CONEMAP_DEPTH_ZERO_TO_ONE, &depth) == CONEMAP_ERROR_NULL, "null");
     CHECK(conemap_depth(m, p, CONEMAP_DEPTH_ZERO_TO_ONE, NULL) == CONEMAP_ERROR_NULL, "null");
-    CHECK(conemap_depth(m, p, (conemap_depth_range)5, &depth) == CONEMAP_ERROR_ENUM, "enum");
+    CHECK(conemap_depth(m, p, CONEMAP_DEPTH_RANGE_COUNT, &depth) == CONEMAP_ERROR_ENUM, "enum");
     CHECK(depth == 7.0f, "an error writes");
 }
 
@@ -1436,7 +1436,7 @@ static void bad_input(void)
     BAD(e.alpha_cut = -1, CONEMAP_ERROR_PARAMETER);
     BAD(e.clip[2] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(e.clip[2] = -1.0f, CONEMAP_ERROR_PARAMETER);
-    BAD(e.depth_range = (conemap_depth_range)2, CONEMAP_ERROR_ENUM);
+    BAD(e.depth_range = CONEMAP_DEPTH_RANGE_COUNT, CONEMAP_ERROR_ENUM);
     BAD(e.light[2] = 0.0f, CONEMAP_ERROR_PARAMETER);
     BAD(e.light[1] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(e.light_radius = -0.1f, CONEMAP_ERROR_PARAMETER);
