@@ -19,30 +19,42 @@ struct tile {
 
 static const float degree = 3.14159265f / 180.0f;
 
-#define LIT (CONEMAP_EFFECT_SMOOTH_NORMAL)
+/* short names for the table */
+enum {
+    CLIP = CONEMAP_EFFECT_CLIP,
+    HOLES = CONEMAP_EFFECT_HOLES,
+    CURVED = CONEMAP_EFFECT_CURVED,
+    LOD = CONEMAP_EFFECT_LOD,
+    FADE = CONEMAP_EFFECT_FADE,
+    TWO_SIDED = CONEMAP_EFFECT_TWO_SIDED,
+    NORMAL = CONEMAP_EFFECT_NORMAL,
+    SMOOTH = CONEMAP_EFFECT_SMOOTH_NORMAL,
+    DEPTH = CONEMAP_EFFECT_DEPTH,
+    SHADOW = CONEMAP_EFFECT_SHADOW,
+    SOFT_SHADOW = CONEMAP_EFFECT_SOFT_SHADOW,
+    OCCLUSION = CONEMAP_EFFECT_OCCLUSION,
+    SKY = CONEMAP_EFFECT_SKY,
+    UV = CONEMAP_EFFECT_UV
+};
+
 static const struct tile tiles[] = {
-    {"no effect: heights only", FLOOR, 0, CONEMAP_EFFECT_CLIP, 35, 1.9f, 0.08f, 1, 0, 0},
-    {"normal: of the bilinear cells", FLOOR, 0, CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_NORMAL, 35, 1.9f, 0.08f, 1, 0, 0},
-    {"smooth normal: of the stored derivatives", FLOOR, 0, CONEMAP_EFFECT_CLIP | LIT, 35, 1.9f, 0.08f, 1, 0, 0},
-    {"uv: a chequered colour map, displaced", FLOOR, 0, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_UV, 35, 1.9f, 0.08f, 1, 0, 1},
-    {"shadow: hard", FLOOR, 1, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_SHADOW, 35, 1.9f, 0.3f, 0, 0, 0},
-    {"soft shadow", FLOOR, 1, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_SOFT_SHADOW, 35, 1.9f, 0.3f, 0, 0, 0},
-    {"occlusion: guessed from the cones", FLOOR, 0, CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_OCCLUSION, 35, 1.9f, 0.08f, 1, 0, 0},
-    {"sky: eight horizons", FLOOR, 0, CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_SKY, 35, 1.9f, 0.08f, 1, 0, 0},
-    {"depth: a ball cuts the relief", FLOOR, 1, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW, 35, 1.9f,
-     0.3f, 0, 1, 0},
-    {"holes: a grating; rays pass through", FLOOR, 2, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_SHADOW, 50,
-     1.9f, 0.06f, 0, 0, 0},
-    {"curved: a barrel's silhouette", BARREL, 0, LIT | CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_SHADOW, 5, 3.4f, 0.09f, 1, 0, 0},
-    {"two-sided: the same floor from below", FLOOR, 0, CONEMAP_EFFECT_CLIP | LIT | CONEMAP_EFFECT_TWO_SIDED | CONEMAP_EFFECT_SHADOW, -35,
-     1.9f, 0.08f, 1, 0, 0},
-    {"no level of detail: far texels flicker", FLOOR, 0, LIT, 6, 2.0f, 0.05f, 1, 0, 0},
-    {"levels of detail", FLOOR, 0, LIT | CONEMAP_EFFECT_LOD, 6, 2.0f, 0.05f, 1, 0, 0},
-    {"levels of detail and fade (reddish: faded)", FLOOR, 0, LIT | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE, 6, 2.0f, 0.05f, 1, 0, 0},
-    {"all together", BARREL, 0,
-     LIT | CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_POSITION |
-         CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY | CONEMAP_EFFECT_UV,
-     5, 3.4f, 0.09f, 1, 1, 1},
+    {"no effect: heights only", FLOOR, 0, CLIP, 35, 1.9f, 0.08f, 1, 0, 0},
+    {"normal: of the bilinear cells", FLOOR, 0, CLIP | NORMAL, 35, 1.9f, 0.08f, 1, 0, 0},
+    {"smooth normal: of the stored derivatives", FLOOR, 0, CLIP | SMOOTH, 35, 1.9f, 0.08f, 1, 0, 0},
+    {"uv: a chequered colour map, displaced", FLOOR, 0, CLIP | SMOOTH | UV, 35, 1.9f, 0.08f, 1, 0, 1},
+    {"shadow: hard", FLOOR, 1, CLIP | SMOOTH | SHADOW, 35, 1.9f, 0.3f, 0, 0, 0},
+    {"soft shadow", FLOOR, 1, CLIP | SMOOTH | SOFT_SHADOW, 35, 1.9f, 0.3f, 0, 0, 0},
+    {"occlusion: guessed from the cones", FLOOR, 0, CLIP | OCCLUSION, 35, 1.9f, 0.08f, 1, 0, 0},
+    {"sky: eight horizons", FLOOR, 0, CLIP | SKY, 35, 1.9f, 0.08f, 1, 0, 0},
+    {"depth: a ball cuts the relief", FLOOR, 1, CLIP | SMOOTH | DEPTH | SHADOW, 35, 1.9f, 0.3f, 0, 1, 0},
+    {"holes: a grating; rays pass through", FLOOR, 2, CLIP | SMOOTH | HOLES | SHADOW, 50, 1.9f, 0.06f, 0, 0, 0},
+    {"curved: a barrel's silhouette", BARREL, 0, SMOOTH | CURVED | SHADOW, 5, 3.4f, 0.09f, 1, 0, 0},
+    {"two-sided: a floor from below", FLOOR, 0, CLIP | SMOOTH | TWO_SIDED | SHADOW, -35, 1.9f, 0.08f, 1, 0, 0},
+    {"no level of detail: far texels flicker", FLOOR, 0, SMOOTH, 6, 2.0f, 0.05f, 1, 0, 0},
+    {"levels of detail", FLOOR, 0, SMOOTH | LOD, 6, 2.0f, 0.05f, 1, 0, 0},
+    {"levels of detail and fade (reddish: faded)", FLOOR, 0, SMOOTH | LOD | FADE, 6, 2.0f, 0.05f, 1, 0, 0},
+    {"all together", BARREL, 0, SMOOTH | CURVED | HOLES | LOD | FADE | DEPTH | SOFT_SHADOW | SKY | UV, 5, 3.4f, 0.09f,
+     1, 1, 1},
 };
 enum { TILES = sizeof tiles / sizeof tiles[0], ROWS = (TILES + COLUMNS - 1) / COLUMNS, LEVELS = 9 };
 
@@ -110,7 +122,7 @@ static int floor_fragment(const struct tile *tile, const conemap_ray *ray, conem
     frame->depth = tile->depth;
     frame->level = tile->level;
     *t = -ray->origin[2] / ray->direction[2];
-    return tile->flags & CONEMAP_EFFECT_CLIP ? 1 : *t > 0;
+    return tile->flags & CLIP ? 1 : *t > 0;
 }
 
 static int barrel_fragment(const struct tile *tile, const conemap_ray *ray, conemap_frame *frame, float *t) {
@@ -166,7 +178,8 @@ static float chequer(const float uv[2], const conemap_gradient *g) {
 }
 
 /* A ball: its depth for the depth test, and its colour; depth 0 is infinitely far. */
-static float ball(const struct camera *c, const struct tile *tile, const conemap_ray *ray, const float light[3], float color[3]) {
+static float ball(const struct camera *c, const struct tile *tile, const conemap_ray *ray, const float light[3],
+                  float color[3]) {
     const float center[2][3] = {{0.56f, 0.42f, 0.1f}, {0.2f, -0.85f, -0.25f}};
     const float *middle = center[tile->shape], radius = tile->shape == FLOOR ? 0.16f : 0.2f;
     float from[3], p[3], n[3], depth = 0;
@@ -187,18 +200,18 @@ static float ball(const struct camera *c, const struct tile *tile, const conemap
 
 static void shade(const struct tile *tile, const conemap_hit *hit, const conemap_shading *s, const float light[3],
                   float color[3]) {
-    const int lit = (tile->flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL)) != 0;
+    const int lit = (tile->flags & (NORMAL | SMOOTH)) != 0;
     const float low[3] = {0.30f, 0.22f, 0.18f}, high[3] = {0.72f, 0.46f, 0.30f};
     float sun = lit ? clamp01(dot(s->normal, light)) : 0, sky = lit ? 0.35f : 0.9f, tone = clamp01(hit->z);
-    if (tile->flags & (CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW)) sun *= s->shadow;
-    if (tile->flags & (CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY)) sky *= s->occlusion;
+    if (tile->flags & (SHADOW | SOFT_SHADOW)) sun *= s->shadow;
+    if (tile->flags & (OCCLUSION | SKY)) sky *= s->occlusion;
     if (tile->checker) tone = 0.2f + 0.8f * chequer(s->uv, &s->gradient);
     for (int k = 0; k < 3; ++k) {
         float albedo = low[k] + (high[k] - low[k]) * tone;
-        if (!lit && (tile->flags & (CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY))) albedo = 0.8f;
+        if (!lit && (tile->flags & (OCCLUSION | SKY))) albedo = 0.8f;
         color[k] = albedo * (sky * (k == 2 ? 1.1f : 0.95f) + 0.95f * sun * (k == 2 ? 0.85f : 1.0f));
     }
-    if ((tile->flags & CONEMAP_EFFECT_FADE) && !tile->checker) {
+    if ((tile->flags & FADE) && !tile->checker) {
         color[1] *= 1 - 0.4f * s->fade;
         color[2] *= 1 - 0.6f * s->fade;
     }
@@ -217,7 +230,7 @@ static int render_tile(const struct world *w, const struct tile *tile, float *pi
     float light[3] = {-0.6f, -0.35f, 0.5f};
     struct camera camera;
     conemap_effects e;
-    int is_wide = tile->shape == FLOOR && !(tile->flags & CONEMAP_EFFECT_CLIP);
+    int is_wide = tile->shape == FLOOR && !(tile->flags & CLIP);
     memset(&e, 0, sizeof e);
     look(&camera, middles[tile->shape], tile->elevation, is_wide ? 20.0f : 30.0f, tile->distance);
     if (tile->shape == BARREL) {
@@ -255,7 +268,7 @@ static int render_tile(const struct world *w, const struct tile *tile, float *pi
                             (color[k] - (0.42f + 0.2f * y + 0.06f * (float)k)) / (float)(SAMPLES * SAMPLES);
                 continue;
             }
-            if (!(tile->flags & CONEMAP_EFFECT_CLIP)) ray->t_min = t; /* the polygon is where the ray begins */
+            if (!(tile->flags & CLIP)) ray->t_min = t; /* the polygon is where the ray begins */
             footprint(&camera, &frames[count], ray, x, y, &gradients[count]);
             polygon_t[count] = t;
             pixel[count++] = i;
@@ -285,13 +298,15 @@ static int render_tile(const struct world *w, const struct tile *tile, float *pi
 }
 
 static float smooth_noise(float x, float y) {
-    return 0.5f + 0.25f * (sinf(6.2831853f * (2 * x + y)) * cosf(6.2831853f * (y - x)) + sinf(6.2831853f * (x + 3 * y)));
+    const float turn = 6.2831853f;
+    return 0.5f + 0.25f * (sinf(turn * (2 * x + y)) * cosf(turn * (y - x)) + sinf(turn * (x + 3 * y)));
 }
 
 /* Gentle ground with towers and domes, for shadows. */
 static float towers_at(float x, float y) {
-    static const float towers[6][4] = {{0.2f, 0.3f, 0.035f, 1.0f},  {0.45f, 0.62f, 0.06f, 0.75f}, {0.75f, 0.2f, 0.025f, 0.9f},
-                                       {0.72f, 0.75f, 0.05f, 0.55f}, {0.22f, 0.8f, 0.02f, 0.85f}, {0.5f, 0.2f, 0.09f, 0.5f}};
+    static const float towers[6][4] = {{0.2f, 0.3f, 0.035f, 1.0f},  {0.45f, 0.62f, 0.06f, 0.75f},
+                                       {0.75f, 0.2f, 0.025f, 0.9f}, {0.72f, 0.75f, 0.05f, 0.55f},
+                                       {0.22f, 0.8f, 0.02f, 0.85f}, {0.5f, 0.2f, 0.09f, 0.5f}};
     float height = 0.12f + 0.13f * smooth_noise(x, y);
     for (int k = 0; k < 6; ++k) {
         float dx = fabsf(x - towers[k][0]), dy = fabsf(y - towers[k][1]), r = towers[k][2], top = towers[k][3];
@@ -369,13 +384,16 @@ int main(int argc, char **argv) {
         for (int y = 0; good && y < TILE_H; ++y)
             for (int x = 0; x < TILE_W; ++x)
                 for (int k = 0; k < 3; ++k) {
-                    size_t at = ((size_t)(n / COLUMNS * TILE_H + y) * TILE_W * COLUMNS + (size_t)(n % COLUMNS * TILE_W + x)) * 3;
+                    size_t line = (size_t)(n / COLUMNS * TILE_H + y), column = (size_t)(n % COLUMNS * TILE_W + x);
+                    size_t at = 3 * (line * TILE_W * COLUMNS + column);
                     float value = picture[3 * (y * TILE_W + x) + k];
                     if (x == TILE_W - 1 || y == TILE_H - 1) value = 1; /* a thin line between tiles */
                     sheet[at + (size_t)k] = (unsigned char)(powf(clamp01(value), 1 / 2.2f) * 255 + 0.5f);
                 }
         progress_show((n + 1) / (double)TILES, &progress);
-        if (good) printf("row %d, column %d: %s (%.1f s)\n", n / COLUMNS + 1, n % COLUMNS + 1, tiles[n].what, seconds() - start);
+        if (good)
+            printf("row %d, column %d: %s (%.1f s)\n", n / COLUMNS + 1, n % COLUMNS + 1, tiles[n].what,
+                   seconds() - start);
     }
     progress_end(&progress);
     good = good && png_write(path, sheet, TILE_W * COLUMNS, TILE_H * ROWS, 3);

@@ -1,5 +1,5 @@
-/* Effects, each against a reference of its own in double precision: points of the world by solving the frame, dense marching
-   over the surface as it is defined, dense samples of a light's disc and of the sky. */
+/* Effects, each against a reference of its own in double precision: points of the world by solving the frame, dense
+   marching over the surface as it is defined, dense samples of a light's disc and of the sky. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +11,9 @@
 
 #define MISS (1.0 / 1048576.0)
 #define PI 3.14159265358979323846
+
+/* Of pairs that exclude each other; without these everything goes together. */
+#define SECOND_CHOICES (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SKY)
 
 /* ---- a map with its truth -------------------------------------------------------------------------- */
 
@@ -174,8 +177,8 @@ static void frames(void)
         for (k = 0; k < 3; ++k) at[k] = (float)right[k];
         REQUIRE(conemap_frame_point(&f, at, back) == CONEMAP_OK, "round %d: frame_point", round);
         for (k = 0; k < 3; ++k)
-            CHECK(fabs((double)back[k] - p[k]) < 2e-5 * (1.0 + fabs(right[2])), "round %d: world %d is %.9g, right %.9g",
-                  round, k, (double)back[k], p[k]);
+            CHECK(fabs((double)back[k] - p[k]) < 2e-5 * (1.0 + fabs(right[2])),
+                  "round %d: world %d is %.9g, right %.9g", round, k, (double)back[k], p[k]);
         /* the normal stands on two edges of the surface, and points to its outer side */
         slope[0] = 3.0f * signed_unit(&random);
         slope[1] = 3.0f * signed_unit(&random);
@@ -307,7 +310,7 @@ static void depths(void)
     CHECK(conemap_depth(NULL, p, CONEMAP_DEPTH_ZERO_TO_ONE, &depth) == CONEMAP_ERROR_NULL, "null");
     CHECK(conemap_depth(m, NULL, CONEMAP_DEPTH_ZERO_TO_ONE, &depth) == CONEMAP_ERROR_NULL, "null");
     CHECK(conemap_depth(m, p, CONEMAP_DEPTH_ZERO_TO_ONE, NULL) == CONEMAP_ERROR_NULL, "null");
-    CHECK(conemap_depth(m, p, (conemap_depth_range)5, &depth) == CONEMAP_ERROR_ENUM, "enum");
+    CHECK(conemap_depth(m, p, CONEMAP_DEPTH_RANGE_COUNT, &depth) == CONEMAP_ERROR_ENUM, "enum");
     CHECK(depth == 7.0f, "an error writes");
 }
 
@@ -418,14 +421,19 @@ static int ground_has(const struct ground *g, const double box[3])
 
 static void ground_plain(struct ground *g, const struct scene *s)
 {
+    int axis;
     memset(g, 0, sizeof *g);
     g->map[0] = &s->truth;
-    g->low[0] = g->low[1] = s->truth.wrap_u == 1 ? -1e30 : 0.0;
-    g->high[0] = g->high[1] = s->truth.wrap_u == 1 ? 1e30 : 1.0;
+    for (axis = 0; axis < 2; ++axis) {
+        int wrap = axis ? s->truth.wrap_v : s->truth.wrap_u, size = axis ? s->truth.height : s->truth.width;
+        double border = wrap == 2 && size > 1 ? 0.5 / size : 0.0;
+        g->low[axis] = wrap == 1 ? -1e30 : border;
+        g->high[axis] = wrap == 1 ? 1e30 : 1.0 - border;
+    }
 }
 
-/* How far the ground rises above the ray, at most, over t0..t1, in `steps` steps; -1 if never. With holes only where it is
-   solid at this very spot. */
+/* How far the ground rises above the ray, at most, over t0..t1, in `steps` steps; -1 if never. With holes only where
+   it is solid at this very spot. */
 static double march(const struct ground *g, const conemap_frame *f, const conemap_ray *ray, double t0, double t1,
                     int steps, double *where)
 {
@@ -479,24 +487,57 @@ static const int shapes[] = {ZOO_FBM, ZOO_SPIKES, ZOO_BRICKS, ZOO_WHITE};
 
 static void curved(void)
 {
+    static const int sizes[][2] = {{24, 20}, {24, 20}, {24, 20}, {1, 1}, {1, 7}, {9, 1}, {2, 2}, {40, 3}};
     struct zoo_random random = zoo_seed(6);
-    int round;
-    for (round = 0; round < 24; ++round) {
+    int round, dark = 0, lit = 0;
+    for (round = 0; round < 32; ++round) {
+        const int *size = sizes[round < 24 ? 0 : round - 24];
         struct scene s;
         struct ground g;
         conemap_frame f;
         conemap_effects e;
+        conemap_desc desc;
         int k;
-        if (!scene_make(&s, shapes[round % 4], 24, 20, round & 1, (uint32_t)round, NULL)) return;
+        memset(&desc, 0, sizeof desc);
+        if (round % 5 == 4) desc.generator = CONEMAP_RELAXED; /* whose cones are not for bent rays */
+        if (!scene_make(&s, shapes[round % 4], size[0], size[1], round % 3, (uint32_t)round, &desc)) return;
         ground_plain(&g, &s);
         memset(&e, 0, sizeof e);
-        random_frame(&random, round % 3 == 0, &f);
-        for (k = 0; k < 3; ++k) f.curvature[k] = (round % 8 < 6 ? 1.0f : -1.0f) * (k == 1 ? 0.3f : 0.6f) * zoo_unit(&random);
+        random_frame(&random, round % 4 == 0, &f);
+        for (k = 0; k < 3; ++k)
+            f.curvature[k] = (round % 8 < 6 ? 1.0f : -1.0f) * (k == 1 ? 0.3f : 0.6f) * zoo_unit(&random);
         e.flags = CONEMAP_EFFECT_CURVED;
         e.frames = &f;
         check_rays("curved", &g, &f, &s.map, &e, &random, 60, 2e-5);
+        e.flags |= CONEMAP_EFFECT_SHADOW;
+        for (k = 0; k < 20; ++k) { /* shadows on the bent base, which throws its own too */
+            conemap_ray ray, light;
+            conemap_hit hit;
+            conemap_shading shading;
+            double p[3], box[3], where, rise;
+            int c;
+            random_world_ray(&random, &f, &ray);
+            for (c = 0; c < 3; ++c) /* low over the base, where the bend matters */
+                e.light[c] = f.normal[c] * 0.4f * zoo_unit(&random) + f.tangent[c] * signed_unit(&random) +
+                             f.bitangent[c] * signed_unit(&random);
+            CHECK(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+            if (hit.status != CONEMAP_HIT || hit.inside) continue;
+            light = ray;
+            memcpy(light.direction, e.light, sizeof e.light);
+            ray_at(&ray, (double)hit.t, p);
+            for (c = 0; c < 3; ++c) light.origin[c] = (float)p[c];
+            world_to_box(&f, p, box);
+            rise = march(&g, &f, &light, 0.002, 3.0, 1500, &where);
+            if (rise > 1e-4 || (rise < -1e-3 && round % 8 < 6)) { /* a bowl has its own far side, beyond the march */
+                CHECK((shading.shadow == 0.0f) == (rise > 0.0), "round %d: shadow %g, but %g over the light's ray", round,
+                      (double)shading.shadow, rise);
+                dark += rise > 0.0;
+                lit += rise < 0.0;
+            }
+        }
         scene_free(&s);
     }
+    CHECK(dark > 50 && lit > 50, "%d dark, %d lit", dark, lit);
 }
 
 static void blended_levels(void)
@@ -610,6 +651,111 @@ static void holes(void)
     CHECK(walls > 50 && floors > 20 && plain_hits > 200, "%d walls, %d floors, %d hits", walls, floors, plain_hits);
 }
 
+/* A step cap ends a ray above the surface, and what is there is shaded. */
+static void caps(void)
+{
+    struct zoo_random random = zoo_seed(18);
+    struct scene s;
+    conemap_frame f;
+    conemap_effects e;
+    conemap_gradient gradient = {0.03f, 0.0f, 0.0f, 0.03f};
+    int k, capped[2] = {0, 0};
+    if (!scene_make(&s, ZOO_WHITE, 32, 32, 1, 3, NULL)) return;
+    memset(&e, 0, sizeof e);
+    memset(&f, 0, sizeof f);
+    f.curvature[0] = 0.001f;
+    e.frames = &f;
+    e.gradients = &gradient;
+    e.levels = &s.map;
+    e.level_count = 1;
+    e.lod_steps = 9;
+    for (k = 0; k < 200; ++k) {
+        conemap_ray ray = {{0.0f, 0.3f, 1.2f}, {1.0f, 0.1f, -0.12f}, 0.0f, 0.0f};
+        conemap_hit hit;
+        conemap_shading shading;
+        ray.origin[0] = zoo_unit(&random);
+        shading.position[0] = -99.0f;
+        e.flags = CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_LOD | (k & 1 ? (unsigned)CONEMAP_EFFECT_CURVED : 0u);
+        CHECK(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+        CHECK(hit.steps <= 9, "%d steps", hit.steps);
+        if (hit.status != CONEMAP_STEP_CAP) continue;
+        ++capped[k & 1];
+        CHECK(hit.steps == 9 && (double)hit.z >= truth_height(&s.truth, (double)hit.u, (double)hit.v) - 1e-4,
+              "ray %d: %d steps, %g over", k, hit.steps,
+              (double)hit.z - truth_height(&s.truth, (double)hit.u, (double)hit.v));
+        CHECK(shading.position[0] != -99.0f, "ray %d: not shaded", k);
+    }
+    CHECK(capped[0] > 20 && capped[1] > 20, "%d and %d capped", capped[0], capped[1]);
+    scene_free(&s);
+}
+
+/* Any finite numbers at all: it ends, and every answer is one. */
+static void extremes(void)
+{
+    struct zoo_random random = zoo_seed(19);
+    int round, k, valid = 0;
+    for (round = 0; round < 60; ++round) {
+        static const int sizes[][2] = {{1, 1}, {2, 1}, {1, 5}, {7, 3}, {16, 16}};
+        const int *size = sizes[zoo_below(&random, 5)];
+        unsigned char alpha[16 * 16];
+        struct scene s;
+        if (!scene_make(&s, zoo_below(&random, ZOO_KINDS), size[0], size[1], zoo_below(&random, 3), 3, NULL)) return;
+        for (k = 0; k < 256; ++k) alpha[k] = (unsigned char)zoo_below(&random, 256);
+        for (k = 0; k < 60; ++k) {
+            conemap_ray ray;
+            conemap_hit hit;
+            conemap_shading shading;
+            conemap_frame f;
+            conemap_effects e;
+            conemap_gradient g;
+            conemap_result result;
+            int c;
+#define ANY (signed_unit(&random) * powf(10.0f, (zoo_below(&random, 3) ? 1.0f : 12.0f) * signed_unit(&random)) *  \
+             (float)(zoo_below(&random, 4) != 0))
+            random_frame(&random, 0, &f);
+            memset(&e, 0, sizeof e);
+            memset(&ray, 0, sizeof ray);
+            memset(&shading, 0, sizeof shading);
+            f.depth = fabsf(ANY);
+            for (c = 0; c < 3; ++c) {
+                f.curvature[c] = ANY * 0.1f;
+                ray.origin[c] = ANY;
+                ray.direction[c] = ANY;
+                e.light[c] = ANY;
+            }
+            ray.t_min = fabsf(ANY);
+            ray.t_max = zoo_below(&random, 2) ? 0.0f : ray.t_min + fabsf(ANY);
+            g.dudx = ANY;
+            g.dudy = ANY;
+            g.dvdx = ANY;
+            g.dvdy = ANY;
+            e.flags = zoo_next(&random) & (CONEMAP_EFFECT_ALL_BITS & ~(unsigned)CONEMAP_EFFECT_DEPTH);
+            if (zoo_below(&random, 2)) e.flags &= ~(unsigned)SECOND_CHOICES;
+            e.frames = &f;
+            e.gradients = &g;
+            e.levels = &s.map;
+            e.level_count = 1;
+            e.alpha = alpha;
+            e.sky_directions = 3;
+            e.light_is_point = zoo_below(&random, 2);
+#undef ANY
+            shading.shadow = shading.occlusion = 0.5f;
+            result = conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1);
+            if (result != CONEMAP_OK) continue;
+            ++valid;
+            CHECK((int)hit.status >= 0 && hit.status < CONEMAP_INVALID, "status %d", (int)hit.status);
+            CHECK(shading.shadow >= 0.0f && shading.shadow <= 1.0f && shading.occlusion >= 0.0f &&
+                      shading.occlusion <= 1.0f && shading.fade >= 0.0f && shading.fade <= 1.0f,
+                  "round %d: ray %d: shadow %g, occlusion %g, fade %g", round, k, (double)shading.shadow,
+                  (double)shading.occlusion, (double)shading.fade);
+            if (hit.status == CONEMAP_HIT)
+                for (c = 0; c < 3; ++c) CHECK(shading.normal[c] >= -1.001f && shading.normal[c] <= 1.001f, "normal");
+        }
+        scene_free(&s);
+    }
+    CHECK(valid > 300, "%d of 3600 were valid", valid);
+}
+
 /* ---- levels ---------------------------------------------------------------------------------------- */
 
 static void level_means(void)
@@ -679,7 +825,8 @@ static void level_cones(void)
     }
     for (k = 0; k < 100000; ++k) {
         float u = zoo_unit(&random), v = zoo_unit(&random), f = zoo_unit(&random);
-        double du = 0.2 * (double)signed_unit(&random), dv = 0.2 * (double)signed_unit(&random), rise, way, w = (double)f;
+        double du = 0.2 * (double)signed_unit(&random), dv = 0.2 * (double)signed_unit(&random);
+        double rise, way, w = (double)f;
         conemap_sample a, b;
         conemap_sample_at(&maps[0], u, v, &a);
         conemap_sample_at(&maps[1], u, v, &b);
@@ -741,6 +888,12 @@ static void no_popping(void)
         last_u = hit.u;
         memcpy(last_n, shading.normal, sizeof last_n);
     }
+    { /* a grazing look: long footprints, but relief stands as many pixels high */
+        conemap_gradient gradient = {0.01f, 0.0f, 0.0f, 0.6f};
+        conemap_lod lod;
+        CHECK(conemap_lod_at(&s.map, &e, &gradient, &lod) == CONEMAP_OK && lod.fade == 0.0f && lod.level == 4.0f,
+              "fade %g, level %g", (double)lod.fade, (double)lod.level);
+    }
     CHECK(fabsf(last_u - 0.21f) < 1e-4f, "the faded hit is at %g, the base at 0.21", (double)last_u);
     for (k = 0; k < 5; ++k) conemap_free(&levels[k]);
     scene_free(&s);
@@ -754,15 +907,15 @@ static void shadows(void)
     int round, wrong = 0, dark = 0, total = 0;
     for (round = 0; round < 16; ++round) {
         struct scene s;
-        int k, point = round % 3 == 2;
-        if (!scene_make(&s, shapes[round % 4], 24, 20, round & 1, (uint32_t)round, NULL)) return;
+        int k, point = round % 5 >= 3;
+        if (!scene_make(&s, shapes[round % 4], 24, 20, round % 3, (uint32_t)round, NULL)) return;
         for (k = 0; k < 200; ++k) {
             conemap_ray ray;
             conemap_hit hit;
             conemap_shading shading;
             conemap_effects e;
             conemap_frame f;
-            double from[3], to[3], t, depth = 0.3, exact;
+            double from[3], to[3], t, depth = 0.3;
             int c, shadow;
             memset(&ray, 0, sizeof ray);
             memset(&e, 0, sizeof e);
@@ -776,7 +929,7 @@ static void shadows(void)
             ray.origin[2] = 0.4f;
             ray.direction[2] = -1.0f;
             for (c = 0; c < 3; ++c) e.light[c] = point ? zoo_unit(&random) : signed_unit(&random);
-            e.light[2] = point ? 0.35f : 0.7f * zoo_unit(&random) + 0.01f;
+            e.light[2] = point ? zoo_between(&random, 0.05f, 0.35f) : 0.7f * zoo_unit(&random) + 0.01f;
             if (!CHECK(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade")) break;
             if (hit.status != CONEMAP_HIT) continue;
             from[0] = (double)hit.u;
@@ -791,9 +944,18 @@ static void shadows(void)
             dark += shadow;
             CHECK(shading.shadow == 0.0f || shading.shadow == 1.0f, "shadow %g", (double)shading.shadow);
             if ((shading.shadow == 0.0f) == shadow) continue;
-            /* the two may differ where the light only just touches */
-            exact = truth_clearance(&s.truth, from, to, 1e-9, point ? 1.0 : HUGE_VAL);
-            if (fabs(exact) > 3e-6) ++wrong;
+            { /* the two may differ where the light only just touches: where a little lower and higher they do */
+                double low[3], high[3], up[3], down[3];
+                for (c = 0; c < 3; ++c) {
+                    low[c] = from[c] - (c == 2 ? 0.5 * MISS : 0.0);
+                    high[c] = from[c] + (c == 2 ? 0.5 * MISS : 0.0);
+                    down[c] = to[c] - (c == 2 ? 2e-6 : 0.0);
+                    up[c] = to[c] + (c == 2 ? 2e-6 : 0.0);
+                }
+                if (truth_trace(&s.truth, low, down, point ? 1.0 : HUGE_VAL, &t) ==
+                    truth_trace(&s.truth, high, up, point ? 1.0 : HUGE_VAL, &t))
+                    ++wrong;
+            }
         }
         scene_free(&s);
     }
@@ -977,10 +1139,36 @@ static void skies(void)
         }
         scene_free(&s);
     }
+    { /* what is out of reach hides nothing: a tower, seen from 0.3 away */
+        float heights[32 * 32], seen[3];
+        conemap_desc desc;
+        conemap_map map;
+        memset(&desc, 0, sizeof desc);
+        memset(heights, 0, sizeof heights);
+        for (k = 0; k < 32; ++k) heights[k * 32 + 20] = 1.0f;
+        desc.heights.pixels = heights;
+        desc.heights.width = desc.heights.height = 32;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        for (k = 0; k < 3; ++k) {
+            conemap_ray ray = {{0.3f, 0.5f, 3.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+            conemap_hit hit;
+            conemap_shading shading;
+            conemap_effects e;
+            memset(&e, 0, sizeof e);
+            e.flags = CONEMAP_EFFECT_SKY;
+            e.sky_directions = 64;
+            e.sky_reach = k == 0 ? 0.2f : k == 1 ? 0.4f : 0.0f;
+            CHECK(conemap_shade(&map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+            seen[k] = shading.occlusion;
+        }
+        CHECK(seen[0] > 0.999f && seen[1] < 0.9f && seen[2] < seen[1] - 0.05f, "reach: %g %g %g", (double)seen[0],
+              (double)seen[1], (double)seen[2]);
+        conemap_free(&map);
+    }
     test_note("sky off by %.4f", worst);
 }
 
-/* What is guessed from a cone alone: dark where it is dark, and never brighter than what the cone does not prove dark. */
+/* What is guessed from a cone alone is dark where it is dark; and what the cone proves open is open. */
 static void cone_openness(void)
 {
     static const int kinds[] = {ZOO_BRICKS, ZOO_CLIFF, ZOO_FBM};
@@ -1081,6 +1269,35 @@ static void clips(void)
         }
     }
     CHECK(left > 20, "%d left", left);
+    { /* a wall behind the clip throws no shadow; a side's normal is that of the side */
+        float heights[16 * 16];
+        conemap_desc desc;
+        conemap_map map;
+        conemap_ray down = {{0.5f, 0.5f, 2.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+        conemap_ray level = {{-1.0f, 0.5f, 0.05f}, {1.0f, 0.01f, 0.0f}, 0.0f, 0.0f};
+        conemap_hit hit;
+        conemap_shading shading;
+        memset(&desc, 0, sizeof desc);
+        memset(&e, 0, sizeof e);
+        for (k = 0; k < 256; ++k) heights[k] = k % 16 == 12 ? 1.0f : 0.1f;
+        desc.heights.pixels = heights;
+        desc.heights.width = desc.heights.height = 16;
+        desc.wrap_u = desc.wrap_v = CONEMAP_WRAP;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        e.flags = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_NORMAL;
+        e.light[0] = 1.0f;
+        e.light[2] = 0.3f;
+        e.clip[2] = 0.65f;
+        e.clip[3] = 1.0f;
+        CHECK(conemap_shade(&map, NULL, &e, &down, &hit, &shading, 1) == CONEMAP_OK && shading.shadow == 1.0f,
+              "clipped wall");
+        CHECK(conemap_shade(&map, NULL, &e, &level, &hit, &shading, 1) == CONEMAP_OK && hit.inside &&
+                  shading.normal[0] == -1.0f && shading.shadow == 0.0f,
+              "side: normal %g, shadow %g", (double)shading.normal[0], (double)shading.shadow);
+        e.clip[2] = 1.0f;
+        CHECK(conemap_shade(&map, NULL, &e, &down, &hit, &shading, 1) == CONEMAP_OK && shading.shadow == 0.0f, "wall");
+        conemap_free(&map);
+    }
     scene_free(&s);
 }
 
@@ -1148,7 +1365,8 @@ static void gradients(void)
             uv[c][0] = o[0] + d[0] * ((double)f.level - o[2]) / d[2];
             uv[c][1] = o[1] + d[1] * ((double)f.level - o[2]) / d[2];
         }
-        CHECK(fabs((double)g.dudx - (uv[1][0] - uv[0][0])) < 1e-5 && fabs((double)g.dvdx - (uv[1][1] - uv[0][1])) < 1e-5 &&
+        CHECK(fabs((double)g.dudx - (uv[1][0] - uv[0][0])) < 1e-5 &&
+                  fabs((double)g.dvdx - (uv[1][1] - uv[0][1])) < 1e-5 &&
                   fabs((double)g.dudy - (uv[2][0] - uv[0][0])) < 1e-5 &&
                   fabs((double)g.dvdy - (uv[2][1] - uv[0][1])) < 1e-5,
               "round %d", k);
@@ -1224,7 +1442,7 @@ static void bad_input(void)
     good.level_count = 1;
     good.view_projection = identity;
     good.light[2] = 1.0f;
-    good.flags = CONEMAP_EFFECT_ALL_BITS & ~(unsigned)(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SKY);
+    good.flags = CONEMAP_EFFECT_ALL_BITS & ~(unsigned)SECOND_CHOICES;
     CHECK(conemap_shade(&s.map, NULL, &good, &ray, &hit, &shading, 1) == CONEMAP_OK, "all effects");
 #define BAD(change, right)                                                                                   \
     do {                                                                                                     \
@@ -1260,7 +1478,7 @@ static void bad_input(void)
     BAD(e.alpha_cut = -1, CONEMAP_ERROR_PARAMETER);
     BAD(e.clip[2] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(e.clip[2] = -1.0f, CONEMAP_ERROR_PARAMETER);
-    BAD(e.depth_range = (conemap_depth_range)2, CONEMAP_ERROR_ENUM);
+    BAD(e.depth_range = CONEMAP_DEPTH_RANGE_COUNT, CONEMAP_ERROR_ENUM);
     BAD(e.light[2] = 0.0f, CONEMAP_ERROR_PARAMETER);
     BAD(e.light[1] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(e.light_radius = -0.1f, CONEMAP_ERROR_PARAMETER);
@@ -1314,7 +1532,8 @@ static void bad_input(void)
         both[0] = gradient;
         CHECK(conemap_shade(&s.map, NULL, &e, rays, hits, shadings, 3) == CONEMAP_ERROR_RAY_ORIGIN, "ray");
     }
-    CHECK(conemap_frame_ray(NULL, &ray, &ray) == CONEMAP_ERROR_NULL && conemap_frame_ray(&f, NULL, &ray) == CONEMAP_ERROR_NULL &&
+    CHECK(conemap_frame_ray(NULL, &ray, &ray) == CONEMAP_ERROR_NULL &&
+              conemap_frame_ray(&f, NULL, &ray) == CONEMAP_ERROR_NULL &&
               conemap_frame_ray(&f, &ray, NULL) == CONEMAP_ERROR_NULL,
           "frame_ray");
     CHECK(conemap_frame_point(NULL, point, point) == CONEMAP_ERROR_NULL &&
@@ -1349,7 +1568,8 @@ static void bad_input(void)
     desc.heights.pixels = s.heights;
     desc.heights.width = desc.heights.height = 8;
     memset(levels, 0x11, sizeof levels);
-    CHECK(conemap_build_levels(NULL, levels, 1) == CONEMAP_ERROR_NULL && conemap_build_levels(&desc, NULL, 1) == CONEMAP_ERROR_NULL &&
+    CHECK(conemap_build_levels(NULL, levels, 1) == CONEMAP_ERROR_NULL &&
+              conemap_build_levels(&desc, NULL, 1) == CONEMAP_ERROR_NULL &&
               conemap_build_levels(&desc, levels, 0) == CONEMAP_ERROR_PARAMETER,
           "build_levels");
     desc.heights.width = 4;
@@ -1417,6 +1637,8 @@ const struct test_case effects_tests[] = {
     {"curved", curved},
     {"blended levels", blended_levels},
     {"holes", holes},
+    {"caps", caps},
+    {"extremes", extremes},
     {"level means", level_means},
     {"cones between levels", level_cones},
     {"no popping", no_popping},
