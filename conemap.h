@@ -4523,7 +4523,8 @@ static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p
     at.thickness = (double)f->t + (double)f->tk * p[1];
     above = at.d - ((double)f->r + (double)f->k * p[1]);
     at.w = at.thickness > 0.0 ? above / at.thickness : above;
-    at.own = conemap__cone_at(f, at.thickness > 0.0 ? at.w : 0.0);
+    /* Outside the shell the nearest half shell's cone serves: w has no meaning far out, or where the shell thins out. */
+    at.own = conemap__cone_at(f, !(at.thickness > 0.0) ? 0.0 : at.w < -0.5 ? -0.5 : at.w > 1.5 ? 1.5 : at.w);
     at.lower = conemap__cut_y(f->lower, (double)f->lower[0] * at.sine + (double)f->lower[1] * at.cosine, at.own);
     at.upper = conemap__cut_y(f->upper, (double)f->upper[0] * at.sine + (double)f->upper[1] * at.cosine, at.own);
     at.v = at.upper != at.lower ? (p[1] - at.lower) / (at.upper - at.lower) : 0.0;
