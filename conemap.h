@@ -5620,7 +5620,7 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
                                    double t1, int solid, int *steps) {
     const conemap_frustum *f = shell->f;
     double before = t0, t = t0, least = (t1 - t0) / (double)desc->steps, over_end;
-    int n;
+    int n, taken = 0;
     conemap__shell_bounds(shell);
     over_end = (double)f->t + (double)f->tk * (shell->ray.o[1] + t1 * shell->ray.v[1]);
     for (;;) {
@@ -5648,7 +5648,7 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
         step = g > 0.0 ? closing > 0.0 ? tangent * g / closing : CONEMAP__NEVER : 0.0;
         before = t;
         t += conemap__maxd(step, least);
-        if (t > t1) t = t1;
+        if (t > t1 || ++taken >= desc->steps) t = t1; /* far away a least step may not move t at all */
     }
 }
 

@@ -82,5 +82,11 @@ done
 for tracer in exact linear fixed loop exact-step cell-max maxmip qdm; do
     works build/render "$dir/good.cone" -o "$dir/t.png" --size 32x32 --tracer $tracer --refine bisect
 done
+works build/tree --help
+works build/tree well cacti --size 24x16 --samples 1 --frames 2 -o "$dir"
+[ -s "$dir/cacti-1.png" ] || say "tree draws no second frame"
+refuses build/tree --march fastest
+refuses build/tree no-such-model
+refuses build/tree well --size 8x8 -o "$dir/no/such/folder"
 [ $failed = 0 ] && echo "examples: all as they should be"
 exit $failed

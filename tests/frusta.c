@@ -1077,6 +1077,39 @@ static void speed_bound(void)
     test_note("speeds are %.0f %% of their bound", 100 * tightest / looked);
 }
 
+/* From so far away that a least step is less than the last bit of t: the march ends all the same. */
+static void far_relief(void)
+{
+    static float heights[SIDE * SIDE];
+    struct zoo_random random = zoo_seed(516);
+    struct truth_map truth;
+    struct chain chain;
+    conemap_map map;
+    conemap_skeleton skeleton;
+    conemap_skeleton_trace_desc desc;
+    int march;
+    REQUIRE(relief_map(ZOO_FBM, 3, heights, &map, &truth), "map");
+    make_chain(&random, CYLINDERS, 0.0f, 1, &chain);
+    memset(chain.joints, 0, sizeof chain.joints);
+    chain.joints[1].position[1] = 2e-5f;
+    chain.joints[0].radius = chain.joints[1].radius = 1e-5f;
+    chain.joints[0].thickness = chain.joints[1].thickness = 1e-6f;
+    REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+    memset(&desc, 0, sizeof desc);
+    desc.map = &map;
+    desc.steps = 1 << 20;
+    for (march = CONEMAP_MARCH_STEPS; march <= CONEMAP_MARCH_CONES; ++march) {
+        conemap_ray ray = {{0, 1e-5f, 1e6f}, {0, 0, -1}, 0, 0};
+        conemap_skeleton_hit hit;
+        desc.march = (conemap_march)march;
+        REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) == CONEMAP_OK, "trace");
+        CHECK(hit.status == CONEMAP_HIT && hit.steps <= (1 << 20) + 2, "march %d: status %d, %d steps", march, (int)hit.status,
+              hit.steps);
+    }
+    conemap_skeleton_free(&skeleton);
+    conemap_free(&map);
+}
+
 /* Where the cutting planes are parallel and the shell's rays are in no hurry, the paper's linear v is right. */
 static void linear_v(void)
 {
@@ -1537,6 +1570,7 @@ const struct test_case frusta_tests[] = {
     {"relief by steps", relief_by_steps},
     {"relief by cones", relief_by_cones},
     {"speed bound", speed_bound},
+    {"far relief", far_relief},
     {"linear v", linear_v},
     {"relief normals", relief_normals},
     {"tree of boxes", tree_of_boxes},
