@@ -1103,8 +1103,8 @@ static void far_relief(void)
         conemap_skeleton_hit hit;
         desc.march = (conemap_march)march;
         REQUIRE(conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) == CONEMAP_OK, "trace");
-        CHECK(hit.status == CONEMAP_HIT && hit.steps <= (1 << 20) + 2, "march %d: status %d, %d steps", march, (int)hit.status,
-              hit.steps);
+        CHECK(hit.status == CONEMAP_HIT && hit.steps <= (1 << 20) + 2, "march %d: status %d, %d steps", march,
+              (int)hit.status, hit.steps);
     }
     conemap_skeleton_free(&skeleton);
     conemap_free(&map);
@@ -1399,6 +1399,101 @@ static void sharp_bends(void)
     test_note("bends clamped from %d degrees", clamped_at);
 }
 
+static float wild(struct zoo_random *random, float size)
+{
+    const int kind = zoo_below(random, 6);
+    if (kind == 0) return 0;
+    if (kind == 1) return 1e-6f * size * zoo_unit(random);
+    if (kind == 2) return 1e6f * size * zoo_unit(random);
+    return size * zoo_unit(random);
+}
+
+/* Skeletons that nobody would draw, at any scale: what the proof of the corners needs holds for each frustum, and
+   whatever is hit has an answer. */
+static void wild_skeletons(void)
+{
+    struct zoo_random random = zoo_seed(517);
+    static float heights[SIDE * SIDE];
+    struct truth_map truth;
+    conemap_map map;
+    const int rounds = ray_count(0) > 0 ? 40000 : 1500;
+    int round, i, k, built_ok = 0, clamped = 0;
+    REQUIRE(relief_map(ZOO_WHITE, 3, heights, &map, &truth), "map");
+    for (round = 0; round < rounds; ++round) {
+        const int count = 1 + zoo_below(&random, 8);
+        const float scale = round % 5 ? 1.0f : powf(10.0f, spread(&random, 9.0f));
+        struct chain chain;
+        conemap_skeleton skeleton;
+        memset(&chain, 0, sizeof chain);
+        for (i = 0; i <= count; ++i) {
+            const int tame = zoo_below(&random, 3);
+            for (k = 0; k < 3; ++k)
+                chain.joints[i].position[k] =
+                    scale * (tame ? spread(&random, 1.0f) : (float)(zoo_below(&random, 3) - 1));
+            chain.joints[i].radius = scale * (tame ? 0.3f * zoo_unit(&random) : wild(&random, 0.5f));
+            chain.joints[i].thickness = scale * (tame ? 0.1f * zoo_unit(&random) : wild(&random, 0.2f));
+        }
+        for (i = 0; i < count; ++i) {
+            const int parent = i == 0 ? -1 : zoo_below(&random, 3) ? i - 1 : zoo_below(&random, i + 1) - 1;
+            chain.segments[i].parent = parent;
+            chain.segments[i].base = parent < 0 ? 0 : chain.segments[parent].top;
+            chain.segments[i].top = i + 1;
+            chain.segments[i].twist = spread(&random, 2.0f);
+            if (zoo_below(&random, 4) == 0) chain.segments[i].radius = scale * wild(&random, 0.3f);
+        }
+        chain.desc.joints = chain.joints;
+        chain.desc.joint_count = count + 1;
+        chain.desc.segments = chain.segments;
+        chain.desc.segment_count = count;
+        chain.desc.fit_steps = 8 * zoo_below(&random, 2);
+        chain.desc.slope_normals = round & 1;
+        chain.desc.blend = (float)(round % 3);
+        if (conemap_skeleton_build(&chain.desc, &skeleton) != CONEMAP_OK) continue;
+        ++built_ok;
+        clamped += skeleton.clamped != 0;
+        for (i = 0; i < count; ++i) {
+            const conemap_frustum *f = &skeleton.frusta[i];
+            const conemap__cone outer = conemap__cone_at(f, 1.0), inner = conemap__cone_at(f, 0.0);
+            const double grain = 1e-4 * (outer.r + fabs(outer.r + outer.k * (double)f->h));
+            for (k = 0; k < 4; ++k) {
+                const double low = conemap__corner_y(f->lower, outer, k),
+                             high = conemap__corner_y(f->upper, outer, k);
+                const double thin_low = (double)f->t + (double)f->tk * conemap__corner_y(f->lower, inner, k);
+                const double thin_high = (double)f->t + (double)f->tk * conemap__corner_y(f->upper, inner, k);
+                CHECK(low <= high, "round %d: the planes meet inside: %g %g", round, low, high);
+                CHECK(outer.r + outer.k * low >= -grain && outer.r + outer.k * high >= -grain,
+                      "round %d: past the point", round);
+                CHECK(thin_low >= -grain && thin_high >= -grain, "round %d: thickness %g %g", round, thin_low,
+                      thin_high);
+            }
+        }
+        for (i = 0; i < 8; ++i) {
+            conemap_skeleton_trace_desc desc;
+            conemap_skeleton_hit hit;
+            conemap_ray ray;
+            memset(&desc, 0, sizeof desc);
+            memset(&ray, 0, sizeof ray);
+            for (k = 0; k < 3; ++k) {
+                ray.origin[k] = scale * spread(&random, i == 0 ? 1e5f : 2.0f);
+                ray.direction[k] = chain.joints[zoo_below(&random, count + 1)].position[k] - ray.origin[k];
+            }
+            desc.map = i & 1 ? &map : NULL;
+            desc.march = (conemap_march)zoo_below(&random, 3);
+            desc.steps = 1 + zoo_below(&random, 100);
+            if (conemap_skeleton_trace(&skeleton, &desc, &ray, &hit, 1) != CONEMAP_OK || hit.status != CONEMAP_HIT)
+                continue;
+            for (k = 0; k < 3; ++k)
+                CHECK(hit.normal[k] >= -1.001f && hit.normal[k] <= 1.001f && hit.true_normal[k] >= -1.001f &&
+                          hit.true_normal[k] <= 1.001f && hit.v >= 0 && hit.v <= 1 && hit.u >= 0 && hit.u <= 1 &&
+                          hit.t >= 0,
+                      "round %d: a hit without a normal or place", round);
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    conemap_free(&map);
+    CHECK(built_ok > rounds / 2 && clamped > rounds / 10, "%d of %d built, %d clamped", built_ok, rounds, clamped);
+}
+
 /* ---- errors, layout ------------------------------------------------------------------------------------------- */
 
 static void layout(void)
@@ -1577,6 +1672,7 @@ const struct test_case frusta_tests[] = {
     {"updates", updates},
     {"no popping", no_popping},
     {"sharp bends", sharp_bends},
+    {"wild skeletons", wild_skeletons},
     {"bad skeletons", bad_skeletons},
     {"bad traces", bad_traces},
     {NULL, NULL},
