@@ -597,6 +597,11 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
    (among equals the straightest, then the first) continues its parent: both are cut by one plane, the medial plane
    construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend` can mix with
    the parent's. Which is which is settled by the joints as built, and stays.
+
+   Limits. At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]; see fit_steps),
+   and u agrees exactly at u = 0 alone; elsewhere it is off by about taper times bend. Bends beyond 140 degrees, and
+   segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
+   a crease, which `blend` hides from the light but not from the outline. Cross-sections are round.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
