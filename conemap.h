@@ -827,15 +827,20 @@ CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int leve
    of radius r + w t + (k + w tk) y. The cutting planes are y = a x + b z + c, so one that is parallel to the axis
    cannot be said; limits on the slope keep it far from that.
 
-   u is the angle around the axis in turns, 0 towards z and 1/4 towards x; v goes from 0 at the lower cut to 1 at the upper
-   one along the straight line through the point on its own cone [BJCW09 eq. 7]. The map is sampled at
+   u is the angle around the axis in turns, 0 towards z and 1/4 towards x; v goes from 0 at the lower cut to 1 at the
+   upper one along the straight line through the point on its own cone [BJCW09 eq. 7]. The map is sampled at
    ((u + v twist) u_repeat, v_start + v v_size): it must wrap in u, and may wrap or clamp in v.
 
    Every frustum is a solid, closed by its cutting planes, and the skeleton is their union, so nothing is ever seen
-   through a joint. Where a segment ends freely that plane is a cap. Of the segments that leave a joint the thickest (among equals
-   the straightest, then the first) continues its parent: both are cut by one plane, the medial plane construction of
-   [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend` can mix with the
-   parent's. Both choices are made once, from the joints as built, and stay.
+   through a joint. Where a segment ends freely that plane is a cap. Of the segments that leave a joint the thickest
+   (among equals the straightest, then the first) continues its parent: both are cut by one plane, the medial plane
+   construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend` can mix with
+   the parent's. Which is which is settled by the joints as built, and stays.
+
+   Limits. At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]; see fit_steps),
+   and u agrees exactly at u = 0 alone; elsewhere it is off by about taper times bend. Bends beyond 140 degrees, and
+   segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
+   a crease, which `blend` hides from the light but not from the outline. Cross-sections are round.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -859,14 +864,14 @@ enum { /* conemap_frustum.flags */
     CONEMAP_FRUSTUM_ROOT = 1,    /* the base ends freely */
     CONEMAP_FRUSTUM_BRANCH = 2,  /* the base lies inside the parent, uncut */
     CONEMAP_FRUSTUM_TIP = 4,     /* the top ends freely */
-    CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend is */
-    CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* too sharp or the two planes would meet inside: that joint may show a notch */
+    CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend */
+    CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* is too sharp or the planes would meet inside: the joint may show a notch */
     CONEMAP_FRUSTUM_C1 = 32      /* conemap_skeleton_desc.c1_normals */
 };
 
-/* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point goes
-   into the frustum's frame as (dot(axis_x, p - o), dot(axis_y, p - o), dot(axis_z, p - o)) with the origin
-   o = (axis_x[3], axis_y[3], axis_z[3]). Nothing that reads a frustum relies on the rows' length: they may be scaled for
+/* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point
+   goes into the frustum's frame as (dot(axis_x, p - o), dot(axis_y, p - o), dot(axis_z, p - o)) with the origin o =
+   (axis_x[3], axis_y[3], axis_z[3]). Nothing that reads a frustum relies on the rows' length: they may be scaled for
    elliptical cross-sections, though conemap_skeleton_build makes round ones only. */
 typedef struct conemap_frustum {
     float axis_x[4];        /* unit x axis; origin's x */
@@ -893,16 +898,16 @@ typedef struct conemap_skeleton_desc {
     int joint_count;
     const conemap_segment *segments; /* read during the call; parents may come in any order */
     int segment_count;      /* 1 or more */
-    int fit_steps;          /* rounds of [BJCW09 section 2.2]'s fit, which changes a segment's base radius until the minor
-                               axes of the two cuts agree; 0: none. Up to 64 */
+    int fit_steps;          /* rounds of [BJCW09 section 2.2]'s fit, which changes a segment's base radius until the
+                               minor axes of the two cuts agree; 0: none. Up to 64 */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
-    int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones that
-                               meet, which is C0 as well and nearer to the surface (domes, tips) */
-    int c1_normals;         /* nonzero: end normals are mixed by v^2 (3 - 2 v) instead of v, so that normals are C1 across
-                               joints as functions of (u, v); they change faster mid-segment */
-    float blend;            /* how far from a branch's foot its normals and its parent's mix, in radii of its base; 0: not
-                               at all, a crease. Up to 16 */
+    int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
+                               that meet, which is C0 as well and nearer to the surface (domes, tips) */
+    int c1_normals;         /* nonzero: end normals are mixed by v^2 (3 - 2 v) instead of v, so that normals are C1
+                               across joints as functions of (u, v); they change faster mid-segment */
+    float blend;            /* how far from a branch's foot its normals and its parent's mix, in radii of its base;
+                               0: not at all, a crease. Up to 16 */
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
     void *memory;           /* caller-owned memory for the skeleton; null: allocate. Must outlive the skeleton */
     size_t memory_size;     /* at least what conemap_skeleton_memory says */
@@ -936,7 +941,7 @@ typedef enum conemap_march { /* how a ray goes through the shell */
     CONEMAP_MARCH_DEFAULT = 0, /* CONES, or STEPS with linear_v or over relaxed cones */
     CONEMAP_MARCH_STEPS,     /* equal steps, then bisection, as the paper */
     CONEMAP_MARCH_CONES,     /* cone steps over the map's cones, never shorter than an equal step: with the bilinear
-                                guarantee a cone step passes over nothing, and what may be missed is what an equal step misses */
+                                guarantee only those that had to be made longer can pass over anything */
     CONEMAP_MARCH_COUNT
 } conemap_march;
 
@@ -944,10 +949,10 @@ typedef struct conemap_skeleton_trace_desc {
     const conemap_map *map; /* the relief, wrapping in u, wrapping or clamped in v; null: plain frusta */
     float height;           /* without a map: the plain surface's height in the shell, 0..1; 0: the inner frustum */
     conemap_march march;    /* CONEMAP_MARCH_CONES: not with relaxed cones */
-    int steps;              /* equal steps from shell entry to shell exit; 0: 64 with STEPS, 256 with CONES. Up to 2^20 */
+    int steps;              /* equal steps from shell entry to exit; 0: 64 with STEPS, 256 with CONES. Up to 2^20 */
     int refine_steps;       /* halvings of the last step; 0: 10. Up to 64 */
-    int linear_v;           /* nonzero: v is interpolated from shell entry to exit as the paper does, in one more piece for
-                               every 45 degrees between the cutting planes; not with CONEMAP_MARCH_CONES. 0: exact */
+    int linear_v;           /* nonzero: v is interpolated from shell entry to exit as the paper does, in one more piece
+                               for every 45 degrees between the cutting planes; not with MARCH_CONES. 0: exact */
     int any_hit;            /* nonzero: stop at any hit, for shadows: of the hit only status, segment and t are told */
 } conemap_skeleton_trace_desc;
 
@@ -965,50 +970,55 @@ typedef struct conemap_skeleton_hit {
     int steps;              /* samples of the relief along the whole ray */
 } conemap_skeleton_hit;
 
-/* The bytes that conemap_skeleton_build needs. Checks the counts only. Errors: NULL, SIZE (a count below 1 or above 2^28),
-   OVERFLOW. */
+/* The bytes that conemap_skeleton_build needs. Checks the counts only. Errors: NULL, SIZE (a count below 1 or above
+   2^28), OVERFLOW. */
 CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size);
 
 /* Skins a skeleton. skeleton: overwritten, whatever it held; zeroed unless OK.
-   Errors: NULL, SIZE, OVERFLOW, PARAMETER (a field of desc or of a segment out of range, a position beyond 1e12), JOINT (a joint's
-   position, radius or thickness is NaN or infinite, or a segment's joint does not exist), RADIUS (negative, or zero at both
-   ends of a segment without shell), LENGTH (a segment shorter than 1e-6 of its greatest radius or of its distance from
-   the world's origin), PARENT (it does not exist, or does not end where the segment begins), CYCLE, MEMORY, BUFFER, ALIGNMENT.
+   Errors: NULL, SIZE, OVERFLOW, PARAMETER (a field of desc or of a segment out of range, a position beyond 1e12),
+   JOINT (a joint's position, radius or thickness is NaN or infinite, or a segment's joint does not exist), RADIUS
+   (negative, or zero at both ends of a segment without shell), LENGTH (a segment shorter than 1e-6 of its greatest
+   radius or of its distance from the world's origin), PARENT (it does not exist, or does not end where the segment
+   begins), CYCLE, MEMORY, BUFFER, ALIGNMENT.
    Thread-safe for different skeletons. Source: [BJCW09 section 2]. */
 CONEMAP_API conemap_result conemap_skeleton_build(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton);
 
 /* The same skeleton with its joints moved: frusta, bounds and box are brought up to date. Allocates nothing, in time
-   proportional to the segments. joints: as many as it was built with. v_start and v_size stay as built, so that textures do not
-   swim along stretching segments; u is carried along with the least rotation from the root outward.
-   Errors: NULL, PARAMETER, JOINT, RADIUS, LENGTH; the skeleton is then as it was. Nothing else may use it meanwhile. */
+   proportional to the segments. joints: as many as it was built with. v_start and v_size stay as built, so that
+   textures do not swim along stretching segments; u is carried along with the least rotation from the root outward.
+   Errors: NULL, PARAMETER, JOINT, RADIUS, LENGTH; the skeleton is then as it was. Nothing else may use it meanwhile.
+   */
 CONEMAP_API conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, const conemap_joint *joints);
 
 /* Releases what the skeleton owns and zeroes it. Null and zeroed skeletons are fine. Caller-owned memory stays. */
 CONEMAP_API void conemap_skeleton_free(conemap_skeleton *skeleton);
 
 /* The bounding pyramidal frustum of the whole shell [BJCW09 section 2.6], to rasterise: eight corners, the lower four
-   first, each four in the order (-,-) (+,-) (+,+) (-,+) of x and z. The proof that it holds the shell is in the implementation.
-   conemap_frustum_triangles: twelve triangles of corners, counter-clockwise seen from outside where axis_x, axis_y and axis_z
-   are right-handed, as conemap_skeleton_build makes them. Errors: NULL. */
+   first, each four in the order (-,-) (+,-) (+,+) (-,+) of x and z. The proof that it holds the shell is in the
+   implementation.
+   conemap_frustum_triangles: twelve triangles of corners, counter-clockwise seen from outside where axis_x, axis_y
+   and axis_z are right-handed, as conemap_skeleton_build makes them. Errors: NULL. */
 CONEMAP_API conemap_result conemap_frustum_corners(const conemap_frustum *frustum, float corners[8][3]);
 CONEMAP_API const unsigned char *conemap_frustum_triangles(void); /* 36 indices */
 
-/* (u, v, w) of a point of the world in a frustum's parametrisation, u in 0..1, v and w unclamped; without a shell w is
-   the distance from the surface. And back: the point at (u, v, w), u of any size; v and w far outside 0..1 may have none
-   and give PARAMETER, as do NaN and infinities. On the axis u is 0. Errors: NULL, POSITION (a coordinate is NaN or infinite), PARAMETER. */
+/* (u, v, w) of a point of the world in a frustum's parametrisation, u in 0..1, v and w unclamped; without a shell w
+   is the distance from the surface. And back: the point at (u, v, w), u of any size; v and w far outside 0..1 may
+   have none and give PARAMETER, as do NaN and infinities. On the axis u is 0. Errors: NULL, POSITION (a coordinate is
+   NaN or infinite), PARAMETER. */
 CONEMAP_API conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, const float point[3], float uvw[3]);
 CONEMAP_API conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3], float point[3]);
 
 /* Where a ray is inside a frustum whose surface stands at a height of 0..1 in its shell, cutting planes included:
-   enters at span[0], leaves at span[1], both within the ray's t_min and t_max (span[1] infinite where a ray never leaves);
-   span[0] > span[1]: nowhere. Errors: NULL, PARAMETER (height), those of a ray. */
+   enters at span[0], leaves at span[1], both within the ray's t_min and t_max (span[1] infinite where a ray never
+   leaves); span[0] > span[1]: nowhere. Errors: NULL, PARAMETER (height), those of a ray. */
 CONEMAP_API conemap_result conemap_frustum_span(const conemap_frustum *frustum, float height, const conemap_ray *ray,
                                                 float span[2]);
 
 /* Traces `count` rays of the world against a skeleton; hits[k] answers rays[k]. desc: null for plain inner frusta.
-   An invalid ray gets CONEMAP_INVALID and the others are still traced; the result is that of the first such ray. With an
-   invalid desc, a null pointer or a negative count nothing is written. Errors: NULL, PARAMETER, ENUM, UNSUPPORTED (a map
-   that does not wrap in u or ends with NOTHING in v; cone steps over relaxed cones or with linear_v), those of rays.
+   An invalid ray gets CONEMAP_INVALID and the others are still traced; the result is that of the first such ray. With
+   an invalid desc, a null pointer or a negative count nothing is written. Errors: NULL, PARAMETER, ENUM, UNSUPPORTED
+   (a map that does not wrap in u or ends with NOTHING in v; cone steps over relaxed cones or with linear_v), those of
+   rays.
    Any number of threads may trace one skeleton. Source: [BJCW09 sections 2.5 and 3]. */
 CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
                                                   const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
@@ -7664,8 +7674,8 @@ CONEMAP__INLINE conemap__cone conemap__cone_at(const conemap_frustum *f, double 
     return cone;
 }
 
-/* The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. All four quadrants, which [BJCW09 eq. 6]'s arctangent of x / z
-   does not tell apart. A series, so that the bits do not depend on the platform's atan2; off by 3e-13. */
+/* The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. All four quadrants, which [BJCW09 eq. 6]'s arctangent
+   of x / z does not tell apart. A series, so that the bits do not depend on the platform's atan2; off by 3e-13. */
 static double conemap__turns(double x, double z) {
     double ax = conemap__absd(x), az = conemap__absd(z), a, a2, angle, base = 0.0;
     if (ax + az == 0.0) return 0.0;
@@ -7675,9 +7685,9 @@ static double conemap__turns(double x, double z) {
         base = 0.125;
     }
     a2 = a * a;
-    angle = a * (1.0 + a2 * (-1.0 / 3 + a2 * (1.0 / 5 + a2 * (-1.0 / 7 + a2 * (1.0 / 9 + a2 * (-1.0 / 11 + a2 * (
-            1.0 / 13 + a2 * (-1.0 / 15 + a2 * (1.0 / 17 + a2 * (-1.0 / 19 + a2 * (1.0 / 21 + a2 * (-1.0 / 23 +
-            a2 * (1.0 / 25 - a2 / 27.0)))))))))))));
+    angle = a * (1.0 + a2 * (-1.0 / 3 + a2 * (1.0 / 5 + a2 * (-1.0 / 7 + a2 * (1.0 / 9 + a2 * (-1.0 / 11 +
+            a2 * (1.0 / 13 + a2 * (-1.0 / 15 + a2 * (1.0 / 17 + a2 * (-1.0 / 19 + a2 * (1.0 / 21 +
+            a2 * (-1.0 / 23 + a2 * (1.0 / 25 - a2 / 27.0)))))))))))));
     angle = base + angle * 0.15915494309189535;
     if (ax > az) angle = 0.25 - angle;
     if (z < 0.0) angle = 0.5 - angle;
@@ -7743,8 +7753,8 @@ static conemap__local_ray conemap__local(const conemap_frustum *f, const double 
     return ray;
 }
 
-/* y where the straight line of a cone in a direction meets a cutting plane: y = c + s (r + k y). The limits on the slope keep
-   k s below 1. */
+/* y where the straight line of a cone in a direction meets a cutting plane: y = c + s (r + k y). The limits on the
+   slope keep k s below 1. */
 CONEMAP__INLINE double conemap__cut_y(const float *plane, double s, conemap__cone cone) {
     return ((double)plane[2] + s * cone.r) / (1.0 - cone.k * s);
 }
@@ -7766,22 +7776,25 @@ CONEMAP__INLINE int conemap__half_space(double g0, double g1, double *t0, double
     return 1;
 }
 
-/* Narrows [t0, t1] to the part of a ray inside a cone between the frustum's cutting planes; 0 if nothing is left. The solid
-   is convex, so it is one piece. face: 0 if t0 stayed or lies on the cone, 1 or 2 on the lower or upper plane.
+/* Narrows [t0, t1] to the part of a ray inside a cone between the frustum's cutting planes; 0 if nothing is left. The
+   solid is convex, so it is one piece. face: 0 if t0 stayed or lies on the cone, 1 or 2 on the lower or upper plane.
 
-   With f(t) = x^2 + z^2 - (r + k y)^2 = A t^2 + 2 B t + C [BJCW09 eq. 10], inside is f <= 0 and r + k y >= 0: between the roots
-   for A > 0, and for A < 0, where the ray is steeper than the cone, beyond the root on the nappe that is there; the other nappe's
-   root is left alone. A = 0 has one root. The origin is moved to where the ray is nearest to the axis, so that B^2 - A C
-   does not cancel for rays from afar, and the roots are q / A and C / q, neither of which does. */
-static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, const conemap__local_ray *ray, double *t0,
-                               double *t1, int *face) {
+   With f(t) = x^2 + z^2 - (r + k y)^2 = A t^2 + 2 B t + C [BJCW09 eq. 10], inside is f <= 0 and r + k y >= 0: between
+   the roots for A > 0, and for A < 0, where the ray is steeper than the cone, beyond the root on the nappe that is
+   there; the other nappe's root is left alone. A = 0 has one root. The origin is moved to where the ray is nearest to
+   the axis, so that B^2 - A C does not cancel for rays from afar, and the roots are q / A and C / q, neither of which
+   does. */
+static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, const conemap__local_ray *ray,
+                               double *t0, double *t1, int *face) {
     double vx = ray->v[0], vy = ray->v[1], vz = ray->v[2], across = vx * vx + vz * vz;
     double shift, x, y, z, rho, rho_v, a, b, c, begin, end, discriminant, q, first, second;
     *face = 0;
-    if (conemap__half_space(ray->o[1] - (double)f->lower[0] * ray->o[0] - (double)f->lower[1] * ray->o[2] - (double)f->lower[2],
+    if (conemap__half_space(ray->o[1] - (double)f->lower[0] * ray->o[0] - (double)f->lower[1] * ray->o[2] -
+                                (double)f->lower[2],
                             vy - (double)f->lower[0] * vx - (double)f->lower[1] * vz, t0, t1))
         *face = 1;
-    if (conemap__half_space((double)f->upper[0] * ray->o[0] + (double)f->upper[1] * ray->o[2] + (double)f->upper[2] - ray->o[1],
+    if (conemap__half_space((double)f->upper[0] * ray->o[0] + (double)f->upper[1] * ray->o[2] +
+                                (double)f->upper[2] - ray->o[1],
                             (double)f->upper[0] * vx + (double)f->upper[1] * vz - vy, t0, t1))
         *face = 2;
     if (!(*t0 <= *t1)) return 0;
@@ -7842,8 +7855,9 @@ static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, con
     return *t0 <= *t1;
 }
 
-/* u, v and w of a point [BJCW09 eqs. 6, 7, 11, 12]: w from the radii at the point's y, then v on the cone of the shell that the
-   point lies on. Where there is no shell, w is the distance from the surface along the radius and v that of the surface. */
+/* u, v and w of a point [BJCW09 eqs. 6, 7, 11, 12]: w from the radii at the point's y, then v on the cone of the
+   shell that the point lies on. Where there is no shell, w is the distance from the surface along the radius and v
+   that of the surface. */
 static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p) {
     conemap__place_uvw at;
     double above;
@@ -7853,7 +7867,8 @@ static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p
     at.thickness = (double)f->t + (double)f->tk * p[1];
     above = at.d - ((double)f->r + (double)f->k * p[1]);
     at.w = at.thickness > 0.0 ? above / at.thickness : above;
-    at.own = conemap__cone_at(f, at.thickness > 0.0 ? at.w : 0.0);
+    /* Outside the shell the nearest half shell's cone serves: w means nothing far out, or where the shell thins out. */
+    at.own = conemap__cone_at(f, !(at.thickness > 0.0) ? 0.0 : at.w < -0.5 ? -0.5 : at.w > 1.5 ? 1.5 : at.w);
     at.lower = conemap__cut_y(f->lower, (double)f->lower[0] * at.sine + (double)f->lower[1] * at.cosine, at.own);
     at.upper = conemap__cut_y(f->upper, (double)f->upper[0] * at.sine + (double)f->upper[1] * at.cosine, at.own);
     at.v = at.upper != at.lower ? (p[1] - at.lower) / (at.upper - at.lower) : 0.0;
@@ -7861,10 +7876,10 @@ static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p
     return at;
 }
 
-/* The gradient of the cut's y along one plane: y = (c + s r) / (1 - k s) moves with the angle through s, and with w through
-   r and k. */
-static void conemap__cut_gradient(const conemap_frustum *f, const float *plane, const conemap__place_uvw *at, double y,
-                                  const double *grad_angle, const double *grad_w, double *out) {
+/* The gradient of the cut's y along one plane: y = (c + s r) / (1 - k s) moves with the angle through s, and with w
+   through r and k. */
+static void conemap__cut_gradient(const conemap_frustum *f, const float *plane, const conemap__place_uvw *at,
+                                  double y, const double *grad_angle, const double *grad_w, double *out) {
     double s = (double)plane[0] * at->sine + (double)plane[1] * at->cosine, rest = 1.0 - at->own.k * s;
     double by_angle = (at->own.r + at->own.k * (double)plane[2]) / (rest * rest) *
                       ((double)plane[0] * at->cosine - (double)plane[1] * at->sine);
@@ -7893,8 +7908,9 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
     }
 }
 
-/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between mixed by v.
-   plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides of a joint. */
+/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
+   mixed by v. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
+   of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
     double end[2][3], v = conemap__clamp01(at->v), m;
     int e, k;
@@ -7907,7 +7923,8 @@ static void conemap__smooth_normal(const conemap_frustum *f, const conemap__plac
         end[e][1] = y;
         end[e][2] = rho * at->cosine;
         length = sqrt(rho * rho + y * y);
-        if (!(rho > 1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
+        if (!(rho >
+              1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
             end[e][0] = at->sine;
             end[e][1] = 0.0;
             end[e][2] = at->cosine;
@@ -7928,20 +7945,22 @@ static void conemap__smooth_normal(const conemap_frustum *f, const conemap__plac
     }
 }
 
-/* The pyramid |x|, |z| <= rho(y) of [BJCW09 section 2.6] around the outer cone, cut by the two planes. y of corner `i`. */
+/* The pyramid |x|, |z| <= rho(y) of [BJCW09 section 2.6] around the outer cone, cut by the two planes. y of corner
+   `i`. */
 static double conemap__corner_y(const float *plane, conemap__cone cone, int i) {
     double sx = i == 1 || i == 2 ? 1.0 : -1.0, sz = i >= 2 ? 1.0 : -1.0;
     return conemap__cut_y(plane, (double)plane[0] * sx + (double)plane[1] * sz, cone);
 }
 
-/* Why the eight corners hold the shell. Every cone of the shell lies in the outer one, r + k y + t + tk y (thickness is not
-   negative between the cuts: conemap__settle), and that in the convex pyramid P of four planes |x|, |z| <= rho(y), rho(y) >= 0. The
-   shell is cut by both planes, so it lies in P between them. Each plane meets all four edges of P (slope limits), so it cuts
-   P in a quadrilateral with those corners. Every lower corner lies on or below the upper one of its edge (conemap__settle
-   again), so the lower quadrilateral, the hull of its corners, lies on one side of the upper plane, and the other way around. A
-   point of P between the planes lies on a straight line through P's apex (or along the edges, where it has none) that meets the
-   one quadrilateral below it and the other above it: so it is in the hull of the eight. The sides are flat, hence twelve triangles
-   bound that hull. Rounding to floats can take away about 2^-22 of the coordinates. */
+/* Why the eight corners hold the shell. Every cone of the shell lies in the outer one, r + k y + t + tk y (thickness
+   is not negative between the cuts: conemap__settle), and that in the convex pyramid P of four planes |x|, |z| <=
+   rho(y), rho(y) >= 0. The shell is cut by both planes, so it lies in P between them. Each plane meets all four edges
+   of P (slope limits), so it cuts P in a quadrilateral with those corners. Every lower corner lies on or below the
+   upper one of its edge (conemap__settle again), so the lower quadrilateral, the hull of its corners, lies on one
+   side of the upper plane, and the other way around. A point of P between the planes lies on a straight line through
+   P's apex (or along the edges, where it has none) that meets the one quadrilateral below it and the other above it:
+   so it is in the hull of the eight. The sides are flat, hence twelve triangles bound that hull. Rounding to floats
+   can take away about 2^-22 of the coordinates. */
 static void conemap__corners_of(const conemap_frustum *f, double corners[8][3]) {
     conemap__cone outer = conemap__cone_at(f, 1.0);
     double axes[3][3];
@@ -7972,7 +7991,8 @@ CONEMAP__DEF const unsigned char *conemap_frustum_triangles(void) {
     return triangles;
 }
 
-CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, const float point[3], float uvw[3]) {
+CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, const float point[3],
+                                                float uvw[3]) {
     conemap__place_uvw at;
     double world[3], p[3];
     int k;
@@ -7989,7 +8009,8 @@ CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, 
     return CONEMAP_OK;
 }
 
-CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3], float point[3]) {
+CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3],
+                                                  float point[3]) {
     conemap__cone cone;
     double sine, cosine, low, high, y, rho, p[3], axes[3][3];
     int k;
@@ -7998,12 +8019,15 @@ CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum
         if (!conemap__finite(uvw[k])) return CONEMAP_ERROR_PARAMETER;
     conemap__turn((double)uvw[0], &sine, &cosine);
     cone = conemap__cone_at(frustum, (double)uvw[2]);
-    low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine, cone);
-    high = conemap__cut_y(frustum->upper, (double)frustum->upper[0] * sine + (double)frustum->upper[1] * cosine, cone);
+    low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine,
+                         cone);
+    high = conemap__cut_y(frustum->upper, (double)frustum->upper[0] * sine + (double)frustum->upper[1] * cosine,
+                          cone);
     y = low + (double)uvw[1] * (high - low);
     rho = cone.r + cone.k * y;
     if (!(rho >= 0.0)) {
-        if (!(rho >= -1e-6 * ((double)frustum->r + (double)frustum->t + (double)frustum->h))) return CONEMAP_ERROR_PARAMETER;
+        if (!(rho >= -1e-6 * ((double)frustum->r + (double)frustum->t + (double)frustum->h)))
+            return CONEMAP_ERROR_PARAMETER;
         rho = 0.0; /* the point of a cone, by rounding */
     }
     p[0] = rho * sine;
@@ -8011,7 +8035,8 @@ CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum
     p[2] = rho * cosine;
     conemap__axes(frustum, axes);
     for (k = 0; k < 3; ++k)
-        point[k] = (float)(conemap__origin(frustum, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k]);
+        point[k] =
+            (float)(conemap__origin(frustum, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k]);
     return CONEMAP_OK;
 }
 
@@ -8040,8 +8065,8 @@ static conemap__world_ray conemap__prepare_ray(const conemap_ray *ray) {
     return out;
 }
 
-CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum, float height, const conemap_ray *ray,
-                                                 float span[2]) {
+CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum, float height,
+                                                 const conemap_ray *ray, float span[2]) {
     conemap_result result;
     conemap__world_ray world;
     conemap__local_ray local;
@@ -8054,7 +8079,8 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
     local = conemap__local(frustum, world.o, world.v);
     span[0] = 1.0f;
     span[1] = 0.0f;
-    if (!conemap__solid_span(frustum, conemap__cone_at(frustum, (double)height), &local, &world.t0, &world.t1, &face))
+    if (!conemap__solid_span(frustum, conemap__cone_at(frustum, (double)height), &local, &world.t0, &world.t1,
+                             &face))
         return CONEMAP_OK;
     world.t0 *= world.scale;
     world.t1 *= world.scale;
@@ -8069,13 +8095,15 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
    Skinning a skeleton, the ray through the relief's shell, and a tree of boxes over the frusta.
    ====================================================================================================== */
 
-#define CONEMAP__STEEPEST 2.75    /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut as they should */
-#define CONEMAP__CONE_ROOM 0.63   /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
+#define CONEMAP__STEEPEST                                                                                         \
+    2.75 /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut as they should */
+#define CONEMAP__CONE_ROOM                                                                                        \
+    0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
                                      sqrt(2) further out */
-#define CONEMAP__FOLD 0.01        /* boundary lines closer to parallel than so many radians: see conemap__boundary */
-#define CONEMAP__FARTHEST 1e12f   /* a joint's coordinate */
-#define CONEMAP__LEAF 2           /* frusta in a leaf */
-#define CONEMAP__CHAIN 4          /* segments of a chain that are searched for branches nearby */
+#define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
+#define CONEMAP__FARTHEST 1e12f /* a joint's coordinate */
+#define CONEMAP__LEAF 2         /* frusta in a leaf */
+#define CONEMAP__CHAIN 4        /* segments of a chain that are searched for branches nearby */
 
 /* What a segment keeps beside its frustum. */
 typedef struct conemap__bone {
@@ -8088,8 +8116,8 @@ typedef struct conemap__bone {
 /* A node of the tree of boxes, in depth-first order: an inner node's first child follows it. */
 typedef struct conemap__branch {
     float low[3], high[3];
-    int count;                  /* frusta of a leaf; 0: an inner node */
-    int next;                   /* a leaf's first place in `leaves`; an inner node's second child */
+    int count; /* frusta of a leaf; 0: an inner node */
+    int next;  /* a leaf's first place in `leaves`; an inner node's second child */
 } conemap__branch;
 
 /* A segment while it is being skinned. */
@@ -8097,34 +8125,35 @@ typedef struct conemap__limb {
     int segment;
     double base[3], x[3], y[3], z[3]; /* its frame in the world */
     double h, r, r_top, k, t, t_top;
-    double lower[3], upper[3];  /* cutting planes: a, b, c */
+    double lower[3], upper[3]; /* cutting planes: a, b, c */
     double lean_lower, lean_upper;
     int flags;
 } conemap__limb;
 
 /* ---- skinning --------------------------------------------------------------------------------------- */
 
-/* Where the boundary line of a cone meets that of the next [BJCW09 eq. 4, figure 2], in the medial plane, as the distance
-   along the first axis from the joint. Radii r, r2 and growths k, k2 of the two cones at the joint, away from it along the
-   axes; c and s: cosine and sine of the bend; the other side is that of -s.
+/* Where the boundary line of a cone meets that of the next [BJCW09 eq. 4, figure 2], in the medial plane, as the
+   distance along the first axis from the joint. Radii r, r2 and growths k, k2 of the two cones at the joint, away
+   from it along the axes; c and s: cosine and sine of the bend; the other side is that of -s.
 
-   The lines r p1 + y (M1 + k p1) and r2 p2 + y2 (M2 + k2 p2) meet at y = N / D. Where they are parallel D = 0 and the meeting
-   is anywhere: on straight chains of an even taper, which the paper answers with another axis, but also in bends by as much as
-   the taper changes, where the paper's cut shoots off. So y is taken from the bisecting plane, whose y never does,
-   and N / D only adds what differs from that. It is bounded by `most` and folded back to 0 where the lines become parallel,
-   without a jump. Elsewhere it is exactly the paper's. */
+   The lines r p1 + y (M1 + k p1) and r2 p2 + y2 (M2 + k2 p2) meet at y = N / D. Where they are parallel D = 0 and the
+   meeting is anywhere: on straight chains of an even taper, which the paper answers with another axis, but also in
+   bends by as much as the taper changes, where the paper's cut shoots off. So y is taken from the bisecting plane,
+   whose y never does, and N / D only adds what differs from that. It is bounded by `most` and folded back to 0 where
+   the lines become parallel, without a jump. Elsewhere it is exactly the paper's. */
 static double conemap__boundary(double r, double k, double r2, double k2, double c, double s) {
     double bisecting = -r * s / (1.0 + c + k * s);
     double d = s * (1.0 + k * k2) + c * (k2 - k), n = r * (c - s * k2) - r2 - bisecting * d;
-    double most = 2.0 * r * (conemap__absd(k) + conemap__absd(k2)), size = conemap__maxd(conemap__absd(d), CONEMAP__FOLD);
+    double most = 2.0 * r * (conemap__absd(k) + conemap__absd(k2)),
+           size = conemap__maxd(conemap__absd(d), CONEMAP__FOLD);
     if (!(most > 0.0)) return bisecting;
     size = conemap__maxd(size, conemap__absd(n) / most);
     return bisecting + n * d / (size * size);
 }
 
-/* Half the minor axis, squared, of the ellipse in which a cone of radius r + k y is cut by the plane n1 y + np p = dot, p across the
-   axis: at the centre, between the two boundary lines' meetings with the plane, what the radius leaves besides the way from the
-   axis. 0 if it is no ellipse. */
+/* Half the minor axis, squared, of the ellipse in which a cone of radius r + k y is cut by the plane n1 y + np p =
+   dot, p across the axis: at the centre, between the two boundary lines' meetings with the plane, what the radius
+   leaves besides the way from the axis. 0 if it is no ellipse. */
 static double conemap__minor_axis(double r, double k, double n1, double np, double dot) {
     double over_a = n1 + k * np, over_b = n1 - k * np, a, b, y, rho, off;
     if (!(over_a > 1e-9 && over_b > 1e-9)) return 0.0;
@@ -8136,7 +8165,8 @@ static double conemap__minor_axis(double r, double k, double n1, double np, doub
     return rho * rho - off * off;
 }
 
-/* Cuts two limbs that meet in a joint by one plane [BJCW09 eqs. 3-5], and fits the second one's radius [section 2.2]. */
+/* Cuts two limbs that meet in a joint by one plane [BJCW09 eqs. 3-5], and fits the second one's radius [section 2.2].
+   */
 static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first, conemap__limb *next) {
     double normal[3], p1[3], p2[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
     int round, k;
@@ -8144,7 +8174,7 @@ static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first
     s = sqrt(conemap__dot3(normal, normal));
     if (s > 1e-12) /* eq. 3 */
         for (k = 0; k < 3; ++k) normal[k] /= s;
-    else {         /* axes in one line: any plane through them will do */
+    else { /* axes in one line: any plane through them will do */
         s = 0.0;
         memcpy(normal, first->x, sizeof normal);
     }
@@ -8159,7 +8189,8 @@ static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first
             double ya = conemap__boundary(first->r_top, first->k, next->r, next->k, c, s);
             double yb = conemap__boundary(first->r_top, first->k, next->r, next->k, c, -s);
             double a = first->r_top + first->k * ya, b = first->r_top + first->k * yb;
-            if (a + b > 1e-6 * first->r_top && a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
+            if (a + b > 1e-6 * first->r_top &&
+                a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
                 n1 = a + b;
                 np = yb - ya;
                 dot = n1 * ya + np * a;
@@ -8167,7 +8198,8 @@ static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first
                     double minor = conemap__minor_axis(first->r_top, first->k, n1, np, dot);
                     double minor2 = conemap__minor_axis(next->r, next->k, c * n1 + s * np, c * np - s * n1, dot);
                     if (minor > 0.0 && minor2 > 0.0 && conemap__absd(minor - minor2) > 1e-12 * minor) {
-                        double ratio = sqrt(sqrt(minor / minor2)); /* half of the way: whole ones can swing to and fro */
+                        double ratio =
+                            sqrt(sqrt(minor / minor2)); /* half of the way: whole ones can swing to and fro */
                         next->r *= ratio < 0.5 ? 0.5 : ratio > 2.0 ? 2.0 : ratio;
                         next->k = (next->r_top - next->r) / next->h;
                         continue;
@@ -8177,7 +8209,8 @@ static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first
         }
         break;
     }
-    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and p2 */
+    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and
+       p2 */
     m = conemap__maxd(n1, 1e-9 * conemap__absd(np));
     first->upper[0] = -np / m * conemap__dot3(p1, first->x);
     first->upper[1] = -np / m * conemap__dot3(p1, first->z);
@@ -8201,7 +8234,8 @@ static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first
         turn = conemap__dot3(q, next->y);
         for (k = 0; k < 3; ++k) q[k] -= turn * next->y[k];
         length2 = conemap__dot3(q, q);
-        if (!(length2 > 1e-6 * rho * rho && rho > 0.0)) { /* it lies on the next axis: turn with the least rotation */
+        if (!(length2 > 1e-6 * rho * rho &&
+              rho > 0.0)) { /* it lies on the next axis: turn with the least rotation */
             double z[3];
             for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
             turn = conemap__dot3(z, next->y) / conemap__maxd(1.0 + c, 1e-9);
@@ -8245,22 +8279,25 @@ static void conemap__tilt(conemap_frustum *f, const conemap__limb *limb, double 
     }
 }
 
-/* Whether every corner of the bounding pyramid is on the cone's nappe and its lower corners lie below the upper ones, by a hundredth
-   of the axis, so that v stays well-defined. */
+/* Whether every corner of the bounding pyramid is on the cone's nappe and its lower corners lie below the upper ones,
+   by a hundredth of the axis, so that v stays well-defined. */
 static int conemap__apart(const conemap_frustum *f) {
     conemap__cone outer = conemap__cone_at(f, 1.0);
     double grain = -1e-5 * (outer.r + conemap__absd(outer.r + outer.k * (double)f->h));
     int i;
     for (i = 0; i < 4; ++i) {
         double low = conemap__corner_y(f->lower, outer, i), high = conemap__corner_y(f->upper, outer, i);
-        if (low + 0.01 * (double)f->h > high || outer.r + outer.k * low < grain || outer.r + outer.k * high < grain) return 0;
+        if (low + 0.01 * (double)f->h > high || outer.r + outer.k * low < grain ||
+            outer.r + outer.k * high < grain)
+            return 0;
     }
     return 1;
 }
 
-/* Limits the slope of one plane and how far from its joint it meets the axis, so that upright planes are apart with some radius
-   left at both; returns whether it had to. */
-static int conemap__limit_plane(const conemap__limb *limb, double *plane, double joint, double radius, double steepest) {
+/* Limits the slope of one plane and how far from its joint it meets the axis, so that upright planes are apart with
+   some radius left at both; returns whether it had to. */
+static int conemap__limit_plane(const conemap__limb *limb, double *plane, double joint, double radius,
+                                double steepest) {
     double slope = sqrt(plane[0] * plane[0] + plane[1] * plane[1]), off = plane[2] - joint, most = 0.45 * limb->h;
     int limited = 0;
     if (most * conemap__absd(limb->k) > 0.5 * radius) most = 0.5 * radius / conemap__absd(limb->k);
@@ -8291,7 +8328,8 @@ static double conemap__reach(const float *plane, conemap__cone inner, int high) 
 static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     conemap_frustum *f = &skeleton->build.frusta[limb->segment];
     float *box = skeleton->build.boxes[limb->segment];
-    double tk = (limb->t_top - limb->t) / limb->h, t = limb->t, steepest = CONEMAP__STEEPEST, k_most, corners[8][3];
+    double tk = (limb->t_top - limb->t) / limb->h, t = limb->t, steepest = CONEMAP__STEEPEST, k_most,
+           corners[8][3];
     int k, i;
     for (k = 0; k < 3; ++k) {
         f->axis_x[k] = (float)limb->x[k];
@@ -8306,8 +8344,10 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     f->h = (float)limb->h;
     k_most = conemap__maxd(conemap__absd(limb->k), conemap__absd(limb->k + tk));
     if (k_most * steepest > CONEMAP__CONE_ROOM) steepest = CONEMAP__CONE_ROOM / k_most;
-    if (conemap__limit_plane(limb, limb->lower, 0.0, limb->r, steepest)) limb->flags |= CONEMAP_FRUSTUM_CLAMPED_LOWER;
-    if (conemap__limit_plane(limb, limb->upper, limb->h, limb->r_top, steepest)) limb->flags |= CONEMAP_FRUSTUM_CLAMPED_UPPER;
+    if (conemap__limit_plane(limb, limb->lower, 0.0, limb->r, steepest))
+        limb->flags |= CONEMAP_FRUSTUM_CLAMPED_LOWER;
+    if (conemap__limit_plane(limb, limb->upper, limb->h, limb->r_top, steepest))
+        limb->flags |= CONEMAP_FRUSTUM_CLAMPED_UPPER;
     f->lower[2] = (float)limb->lower[2];
     f->upper[2] = (float)limb->upper[2];
     f->lower[3] = (float)limb->lean_lower;
@@ -8315,10 +8355,12 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     conemap__tilt(f, limb, 1.0);
     f->t = (float)t;
     f->tk = (float)tk;
-    if (tk < 0.0 || tk > 0.0) { /* past a joint of little shell the thickness would be negative: it ends at the cut instead */
+    if (tk < 0.0 ||
+        tk > 0.0) { /* past a joint of little shell the thickness would be negative: it ends at the cut instead */
         double y = conemap__reach(tk < 0.0 ? f->upper : f->lower, conemap__cone_at(f, 0.0), tk < 0.0);
         if (t + tk * y < 0.0) {
-            if (tk < 0.0) tk = -t / y;
+            if (tk < 0.0)
+                tk = -t / y;
             else {
                 tk = limb->t_top / (limb->h - y);
                 t = -tk * y;
@@ -8332,8 +8374,10 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
         for (i = 0; i < 10; ++i) {
             double middle = 0.5 * (good + bad);
             conemap__tilt(f, limb, middle);
-            if (conemap__apart(f)) good = middle;
-            else bad = middle;
+            if (conemap__apart(f))
+                good = middle;
+            else
+                bad = middle;
         }
         conemap__tilt(f, limb, good);
         limb->flags |= CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER;
@@ -8387,11 +8431,13 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
         const conemap_joint *joint = &joints[i];
         for (k = 0; k < 3; ++k) {
             if (!conemap__finite(joint->position[k])) return CONEMAP_ERROR_JOINT;
-            if (!conemap__in_range(joint->position[k], -CONEMAP__FARTHEST, CONEMAP__FARTHEST)) return CONEMAP_ERROR_PARAMETER;
+            if (!conemap__in_range(joint->position[k], -CONEMAP__FARTHEST, CONEMAP__FARTHEST))
+                return CONEMAP_ERROR_PARAMETER;
         }
         if (!conemap__finite(joint->radius) || !conemap__finite(joint->thickness)) return CONEMAP_ERROR_JOINT;
         if (joint->radius < 0.0f || joint->thickness < 0.0f) return CONEMAP_ERROR_RADIUS;
-        if (joint->radius > CONEMAP__FARTHEST || joint->thickness > CONEMAP__FARTHEST) return CONEMAP_ERROR_PARAMETER;
+        if (joint->radius > CONEMAP__FARTHEST || joint->thickness > CONEMAP__FARTHEST)
+            return CONEMAP_ERROR_PARAMETER;
     }
     for (i = 0; i < skeleton->count; ++i) {
         const conemap__bone *bone = &skeleton->build.bones[i];
@@ -8445,7 +8491,8 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
         if (parent >= 0 && frusta[parent].child == segment) {
             conemap__join(skeleton, before, limb);
             if (skeleton->build.slope_normals) limb->lean_lower = before->lean_upper = 0.5 * (before->k + limb->k);
-        } else if (parent >= 0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
+        } else if (parent >=
+                   0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
             const conemap_frustum *f = &frusta[parent];
             const conemap__bone *bone = &skeleton->build.bones[parent];
             for (k = 0; k < 3; ++k) {
@@ -8462,8 +8509,9 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
             }
             conemap__carry(y, z, limb);
         }
-        if (open) clamped += (conemap__settle(skeleton, before) &
-                              (CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER)) != 0;
+        if (open)
+            clamped += (conemap__settle(skeleton, before) &
+                        (CONEMAP_FRUSTUM_CLAMPED_LOWER | CONEMAP_FRUSTUM_CLAMPED_UPPER)) != 0;
         open = 1;
     }
     clamped += (conemap__settle(skeleton, &limbs[(skeleton->count - 1) & 1]) &
@@ -8482,8 +8530,9 @@ static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, 
     count = (size_t)desc->segment_count;
     if (!conemap__add_size(&size, count, sizeof(conemap_frustum)) ||
         !conemap__add_size(&size, count, sizeof(conemap__bone)) ||
-        !conemap__add_size(&size, 2 * count, sizeof(conemap__branch)) || !conemap__add_size(&size, count, sizeof(int)) ||
-        !conemap__add_size(&size, count, sizeof(int)) || !conemap__add_size(&size, count, 6 * sizeof(float)))
+        !conemap__add_size(&size, 2 * count, sizeof(conemap__branch)) ||
+        !conemap__add_size(&size, count, sizeof(int)) || !conemap__add_size(&size, count, sizeof(int)) ||
+        !conemap__add_size(&size, count, 6 * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     *memory_size = size;
     return CONEMAP_OK;
@@ -8553,7 +8602,8 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
                 straightest = straight;
             }
         }
-        for (link = &frusta[i].branch; *link != best; link = &frusta[*link].sibling) {}
+        for (link = &frusta[i].branch; *link != best; link = &frusta[*link].sibling) {
+        }
         *link = frusta[best].sibling;
         frusta[best].sibling = -1;
         frusta[i].child = best;
@@ -8565,7 +8615,8 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
             for (at = stack[--depth]; at >= 0; at = frusta[at].child) {
                 int branch;
                 skeleton->build.order[done++] = at;
-                for (branch = frusta[at].branch; branch >= 0; branch = frusta[branch].sibling) stack[depth++] = branch;
+                for (branch = frusta[at].branch; branch >= 0; branch = frusta[branch].sibling)
+                    stack[depth++] = branch;
             }
         }
     }
@@ -8582,7 +8633,8 @@ static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_s
         conemap__limb limb;
         conemap__set_limb(skeleton, desc->joints, segment, &limb);
         if (conemap__bits(frusta[segment].v_size) << 1 == 0)
-            frusta[segment].v_size = desc->v_per_length > 0.0f ? (float)(limb.h * (double)desc->v_per_length) : 1.0f;
+            frusta[segment].v_size =
+                desc->v_per_length > 0.0f ? (float)(limb.h * (double)desc->v_per_length) : 1.0f;
         if (parent >= 0 && desc->v_per_length > 0.0f)
             frusta[segment].v_start = frusta[parent].v_start + frusta[parent].v_size;
         if (!conemap__in_range(frusta[segment].v_start, -1e9f, 1e9f) ||
@@ -8622,15 +8674,20 @@ static void conemap__halve_leaves(conemap_skeleton *skeleton, int first, int las
                 leaves[j--] = keep;
             }
         }
-        if (middle <= j) last = j;
-        else if (middle >= i) first = i;
-        else return;
+        if (middle <= j)
+            last = j;
+        else if (middle >= i)
+            first = i;
+        else
+            return;
     }
 }
 
 /* The tree over the boxes as built: halves by count, so it is as deep as log2(count); later only refitted. */
 static void conemap__plant(conemap_skeleton *skeleton) {
-    struct { int first, count, parent; } stack[40];
+    struct {
+        int first, count, parent;
+    } stack[40];
     int depth = 0, i, k;
     for (i = 0; i < skeleton->count; ++i) skeleton->build.leaves[i] = i;
     skeleton->build.nodes = 0;
@@ -8656,7 +8713,8 @@ static void conemap__plant(conemap_skeleton *skeleton) {
             if (node->high[k] - node->low[k] > node->high[axis] - node->low[axis]) axis = k;
         }
         conemap__halve_leaves(skeleton, first, first + count - 1, axis);
-        stack[depth].first = first + count / 2; /* the second child: pushed first, so that the first one follows its parent */
+        stack[depth].first =
+            first + count / 2; /* the second child: pushed first, so that the first one follows its parent */
         stack[depth].count = count - count / 2;
         stack[depth++].parent = at;
         stack[depth].first = first;
@@ -8677,8 +8735,8 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
         !conemap__in_range(desc->blend, 0.0f, 16.0f))
         return CONEMAP_ERROR_PARAMETER;
     skeleton->build.allocator = desc->allocator;
-    result = conemap__take(&skeleton->build.allocator, desc->memory, desc->memory_size, size, &skeleton->build.memory,
-                           &skeleton->build.owns_memory);
+    result = conemap__take(&skeleton->build.allocator, desc->memory, desc->memory_size, size,
+                           &skeleton->build.memory, &skeleton->build.owns_memory);
     if (result != CONEMAP_OK) return result;
     memset(skeleton->build.memory, 0, size);
     count = (size_t)desc->segment_count;
@@ -8740,7 +8798,7 @@ typedef struct conemap__shell {
     const conemap_frustum *f;
     const conemap_map *map;
     conemap__local_ray ray;
-    int linear;             /* v goes straight from v_a at t_a to v_b at t_b */
+    int linear; /* v goes straight from v_a at t_a to v_b at t_b */
     double t_a, t_b, v_a, v_b;
     /* what bounds the parametrisation's speed along the ray: see conemap__shell_bounds */
     double across, turning, nearest; /* |(x, z)'|^2, x' z - x z', and when d is least */
@@ -8752,7 +8810,8 @@ static conemap__quad conemap__relief_quad(const conemap_map *map, const conemap_
                                           double *x, double *y) {
     int i, j;
     v = conemap__clamp01(v);
-    i = conemap__enter_axis((u + v * (double)f->twist) * (double)f->u_repeat, map->info.width, map->info.wrap_u, x);
+    i = conemap__enter_axis((u + v * (double)f->twist) * (double)f->u_repeat, map->info.width, map->info.wrap_u,
+                            x);
     j = conemap__enter_axis((double)f->v_start + v * (double)f->v_size, map->info.height, map->info.wrap_v, y);
     return conemap__cell_quad(map, i, j);
 }
@@ -8769,8 +8828,8 @@ CONEMAP__INLINE void conemap__along(const conemap__local_ray *ray, double t, dou
     p[2] = ray->o[2] + t * ray->v[2];
 }
 
-/* u, v, w of the ray at t: exactly, or v interpolated as [BJCW09 section 3] proposes. (Its linear ri and ro are exact, as y is linear
-   along a ray.) */
+/* u, v, w of the ray at t: exactly, or v interpolated as [BJCW09 section 3] proposes. (Its linear ri and ro are
+   exact, as y is linear along a ray.) */
 static conemap__place_uvw conemap__shell_at(const conemap__shell *shell, double t) {
     conemap__place_uvw at;
     const conemap_frustum *f = shell->f;
@@ -8801,8 +8860,8 @@ static int conemap__pieces(const conemap_frustum *f) {
 }
 
 /* Equal steps, then halvings [BJCW09 section 3]. The relief is met at t1 if `solid`. -1: not met. */
-static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0, double t1,
-                                   int solid, int *steps) {
+static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0,
+                                   double t1, int solid, int *steps) {
     double before = t0, t = t0;
     int pieces = desc->linear_v && t1 > t0 ? conemap__pieces(shell->f) : 0, piece = 0, k, n;
     for (k = 0; k <= desc->steps; ++k) {
@@ -8821,8 +8880,10 @@ static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton
             if (k == 0) return t;
             for (n = 0; n < desc->refine_steps; ++n) {
                 double middle = 0.5 * (before + t);
-                if (conemap__above_relief(shell, middle) > 0.0) before = middle;
-                else t = middle;
+                if (conemap__above_relief(shell, middle) > 0.0)
+                    before = middle;
+                else
+                    t = middle;
             }
             return t;
         }
@@ -8833,11 +8894,11 @@ static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton
 
 /* What bounds how fast the map's coordinates change along a ray of the shell, for cone steps.
 
-   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. A cut y = (c + s r) / (1 - k s) moves with the angle at
-   |r + k c| / (1 - k s)^2 times |ds/dangle| <= the plane's slope n, and with w at n thickness / (1 - k n); w itself moves at no
-   more than (|(x, z)'| + (|k| + |tk|) |y'|) / thickness. v = (y - lower) / (upper - lower) then moves at no more than
-   (|y'| + the faster cut) / the least upper - lower, and that span is
-   (c_u - c_l + d_l (s_u - s_l)) / (1 - k s_u) for d_l, the distance from the axis at the lower cut. */
+   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. A cut y = (c + s r) / (1 - k s) moves with
+   the angle at |r + k c| / (1 - k s)^2 times |ds/dangle| <= the plane's slope n, and with w at n thickness / (1 - k
+   n); w itself moves at no more than (|(x, z)'| + (|k| + |tk|) |y'|) / thickness. v = (y - lower) / (upper - lower)
+   then moves at no more than (|y'| + the faster cut) / the least upper - lower, and that span is (c_u - c_l + d_l
+   (s_u - s_l)) / (1 - k s_u) for d_l, the distance from the axis at the lower cut. */
 static void conemap__shell_bounds(conemap__shell *shell) {
     const conemap_frustum *f = shell->f;
     conemap__cone inner = conemap__cone_at(f, 0.0), outer = conemap__cone_at(f, 1.0);
@@ -8845,7 +8906,8 @@ static void conemap__shell_bounds(conemap__shell *shell) {
     double n_upper = sqrt((double)f->upper[0] * (double)f->upper[0] + (double)f->upper[1] * (double)f->upper[1]);
     double da = (double)f->upper[0] - (double)f->lower[0], db = (double)f->upper[1] - (double)f->lower[1];
     double k = conemap__maxd(conemap__absd(inner.k), conemap__absd(outer.k)), n = conemap__maxd(n_lower, n_upper);
-    double rest = 1.0 - k * n, widest = conemap__maxd(inner.r, outer.r), vy = conemap__absd(shell->ray.v[1]), reach, speed;
+    double rest = 1.0 - k * n, widest = conemap__maxd(inner.r, outer.r), vy = conemap__absd(shell->ray.v[1]),
+           reach, speed;
     double c = conemap__maxd(conemap__absd((double)f->lower[2]), conemap__absd((double)f->upper[2]));
     double thickest = (double)f->t, thinnest = (double)f->t;
     shell->across = shell->ray.v[0] * shell->ray.v[0] + shell->ray.v[2] * shell->ray.v[2];
@@ -8856,7 +8918,8 @@ static void conemap__shell_bounds(conemap__shell *shell) {
     shell->angle_moves_cut = n > 0.0 ? n * (widest + k * c) / (rest * rest) : 0.0;
     reach = conemap__maxd(outer.r + outer.k * (double)f->lower[2], inner.r + inner.k * (double)f->lower[2]);
     reach /= 1.0 - k * n_lower; /* d_l at most */
-    shell->span = ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
+    shell->span =
+        ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
     if (f->tk < 0.0f || f->tk > 0.0f) {
         double low = (double)f->t + (double)f->tk * conemap__reach(f->lower, outer, 0);
         double high = (double)f->t + (double)f->tk * conemap__reach(f->upper, outer, 1);
@@ -8883,28 +8946,32 @@ static double conemap__map_speed(const conemap__shell *shell, double t, double t
     return sqrt(u * u + v * v);
 }
 
-/* Cone steps. At t the ray is g = d - ri - T (h + 2^-20) above the cone's apex, in the world's units, with T the shell's
-   thickness: d is convex along a ray and the rest linear, so g(t + dt) >= g + g' dt. The cone over the map bounds the relief by
-   h + 2^-20 + |map way| / tan, and the way by speed dt. So nothing is met while g + g' dt > T speed dt / tan, with the largest T to
-   come: dt = tan g / (T speed - tan g'). No step is shorter than one of the equal steps, so the march ends. */
-static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0, double t1,
-                                   int solid, int *steps) {
+/* Cone steps. At t the ray is g = d - ri - T (h + 2^-20) above the cone's apex, in the world's units, with T the
+   shell's thickness: d is convex along a ray and the rest linear, so g(t + dt) >= g + g' dt. The cone over the map
+   bounds the relief by h + 2^-20 + |map way| / tan, and the way by speed dt. So nothing is met while g + g' dt > T
+   speed dt / tan, with the largest T to come: dt = tan g / (T speed - tan g'). No step is shorter than one of the
+   equal steps, so the march ends. */
+static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton_trace_desc *desc, double t0,
+                                   double t1, int solid, int *steps) {
     const conemap_frustum *f = shell->f;
     double before = t0, t = t0, least = (t1 - t0) / (double)desc->steps, over_end;
-    int n;
+    int n, taken = 0;
     conemap__shell_bounds(shell);
     over_end = (double)f->t + (double)f->tk * (shell->ray.o[1] + t1 * shell->ray.v[1]);
     for (;;) {
         conemap__place_uvw at = conemap__shell_at(shell, t);
         conemap__mix mix = conemap__relief(shell->map, f, at.u, at.v);
-        double apex = (double)mix.height + (double)CONEMAP__APEX_SLACK, tangent = (double)mix.tangent, g, slope, closing, step;
+        double apex = (double)mix.height + (double)CONEMAP__APEX_SLACK, tangent = (double)mix.tangent, g, slope,
+               closing, step;
         ++*steps;
         if (at.w <= (double)mix.height || (solid && t >= t1)) {
             if (t <= t0) return t;
             for (n = 0; n < desc->refine_steps; ++n) {
                 double middle = 0.5 * (before + t);
-                if (conemap__above_relief(shell, middle) > 0.0) before = middle;
-                else t = middle;
+                if (conemap__above_relief(shell, middle) > 0.0)
+                    before = middle;
+                else
+                    t = middle;
             }
             return t;
         }
@@ -8916,7 +8983,7 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
         step = g > 0.0 ? closing > 0.0 ? tangent * g / closing : CONEMAP__NEVER : 0.0;
         before = t;
         t += conemap__maxd(step, least);
-        if (t > t1) t = t1;
+        if (t > t1 || ++taken >= desc->steps) t = t1; /* far away a least step may not move t at all */
     }
 }
 
@@ -8968,12 +9035,13 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
 }
 
 /* When the ray enters a box; NEVER if it does not before `until`. */
-CONEMAP__INLINE double conemap__enter_box(const conemap__branch *node, const conemap__world_ray *ray, const double *inverse,
-                                          double until) {
+CONEMAP__INLINE double conemap__enter_box(const conemap__branch *node, const conemap__world_ray *ray,
+                                          const double *inverse, double until) {
     double t0 = ray->t0, t1 = until;
     int k;
     for (k = 0; k < 3; ++k) {
-        double a = ((double)node->low[k] - ray->o[k]) * inverse[k], b = ((double)node->high[k] - ray->o[k]) * inverse[k];
+        double a = ((double)node->low[k] - ray->o[k]) * inverse[k],
+               b = ((double)node->high[k] - ray->o[k]) * inverse[k];
         t0 = conemap__maxd(t0, conemap__mind(a, b));
         t1 = conemap__mind(t1, conemap__maxd(a, b));
     }
@@ -8983,7 +9051,10 @@ CONEMAP__INLINE double conemap__enter_box(const conemap__branch *node, const con
 static void conemap__walk_tree(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
                                const conemap__world_ray *ray, conemap__found *found) {
     const conemap__branch *tree = skeleton->build.tree;
-    struct { int node; double t; } stack[64];
+    struct {
+        int node;
+        double t;
+    } stack[64];
     double inverse[3];
     int depth = 0, k;
     for (k = 0; k < 3; ++k) inverse[k] = ray->v[k] != 0.0 ? 1.0 / ray->v[k] : 1e200;
@@ -9026,8 +9097,9 @@ static void conemap__walk_tree(const conemap_skeleton *skeleton, const conemap_s
 }
 
 /* Unit normals of a segment's surface near a point, in the world: the shading normal and the true one. The surface is
-   w = height(u, v), so its normal is grad w less the map's slopes times the gradients of the map's coordinates; the shading
-   normal puts [BJCW09 eq. 8]'s direction in grad w's place. Returns how far the point is outside, in the world's units. */
+   w = height(u, v), so its normal is grad w less the map's slopes times the gradients of the map's coordinates; the
+   shading normal puts [BJCW09 eq. 8]'s direction in grad w's place. Returns how far the point is outside, in the
+   world's units. */
 static double conemap__normals(const conemap_frustum *f, const conemap_skeleton_trace_desc *desc, const double *p,
                                conemap__place_uvw *at, double smooth[3], double plain[3]) {
     double grad_u[3], grad_v[3], grad_w[3], steep, n[3], height = desc->map ? 0.0 : (double)desc->height;
@@ -9060,10 +9132,10 @@ static double conemap__normals(const conemap_frustum *f, const conemap_skeleton_
     return at->thickness > 0.0 ? (at->w - height) * at->thickness : at->w;
 }
 
-/* Adds the normal of a segment that comes near a point: as much as the point's own where it lies on both surfaces, nothing
-   from `reach` away. `branch`: the segment begins inside the other one, and counts only above its foot. */
-static void conemap__mix_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
-                                const double *point, double reach, int branch, double *sum) {
+/* Adds the normal of a segment that comes near a point: as much as the point's own where it lies on both surfaces,
+   nothing from `reach` away. `branch`: the segment begins inside the other one, and counts only above its foot. */
+static void conemap__mix_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                int segment, const double *point, double reach, int branch, double *sum) {
     const conemap_frustum *f = &skeleton->frusta[segment];
     conemap__place_uvw at;
     double p[3], smooth[3], plain[3], away, weight = 1.0;
@@ -9087,8 +9159,8 @@ static int conemap__beside(const conemap_frustum *frusta, int segment, const dou
         conemap__to_local(f, point, p);
         if (p[1] > (double)f->upper[0] * p[0] + (double)f->upper[1] * p[2] + (double)f->upper[2] && f->child >= 0)
             segment = f->child;
-        else if (p[1] < (double)f->lower[0] * p[0] + (double)f->lower[1] * p[2] + (double)f->lower[2] && f->parent >= 0 &&
-                 !(f->flags & CONEMAP_FRUSTUM_BRANCH))
+        else if (p[1] < (double)f->lower[0] * p[0] + (double)f->lower[1] * p[2] + (double)f->lower[2] &&
+                 f->parent >= 0 && !(f->flags & CONEMAP_FRUSTUM_BRANCH))
             segment = f->parent;
         else
             break;
@@ -9097,23 +9169,25 @@ static int conemap__beside(const conemap_frustum *frusta, int segment, const dou
 }
 
 /* Mixes in the branches that leave a segment's top, but not `except`. */
-static void conemap__mix_branches(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
-                                  int except, const double *point, double *sum) {
+static void conemap__mix_branches(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                  int segment, int except, const double *point, double *sum) {
     const conemap_frustum *frusta = skeleton->frusta;
     int branch;
     for (branch = frusta[segment].branch; branch >= 0; branch = frusta[branch].sibling) {
         int beside = branch != except ? conemap__beside(frusta, branch, point) : -1;
         if (beside >= 0)
             conemap__mix_normal(skeleton, desc, beside, point,
-                                (double)skeleton->build.blend * ((double)frusta[branch].r + (double)frusta[branch].t),
+                                (double)skeleton->build.blend *
+                                    ((double)frusta[branch].r + (double)frusta[branch].t),
                                 beside == branch, sum);
     }
 }
 
-/* Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the branches that leave the
-   segment's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its other branches. */
-static void conemap__blend_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc, int segment,
-                                  const double *point, double *normal) {
+/* Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the branches that
+   leave the segment's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its other
+   branches. */
+static void conemap__blend_normal(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                  int segment, const double *point, double *normal) {
     const conemap_frustum *frusta = skeleton->frusta;
     int at, step;
     for (at = frusta[segment].child, step = 1; at >= 0 && step < CONEMAP__CHAIN; at = frusta[at].child, ++step)
@@ -9123,7 +9197,8 @@ static void conemap__blend_normal(const conemap_skeleton *skeleton, const conema
         if (frusta[at].flags & CONEMAP_FRUSTUM_BRANCH) {
             int parent = frusta[at].parent;
             conemap__mix_normal(skeleton, desc, conemap__beside(frusta, parent, point), point,
-                                (double)skeleton->build.blend * ((double)frusta[at].r + (double)frusta[at].t), 0, normal);
+                                (double)skeleton->build.blend * ((double)frusta[at].r + (double)frusta[at].t), 0,
+                                normal);
             conemap__mix_branches(skeleton, desc, parent, at, point, normal);
             break;
         }
@@ -9131,9 +9206,11 @@ static void conemap__blend_normal(const conemap_skeleton *skeleton, const conema
 }
 
 static void conemap__put_surface(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
-                                 const conemap__world_ray *ray, const conemap__found *found, conemap_skeleton_hit *hit) {
-    static const int ends_freely[3] = {0, CONEMAP_FRUSTUM_ROOT | CONEMAP_FRUSTUM_BRANCH | CONEMAP_FRUSTUM_CLAMPED_LOWER,
-                                       CONEMAP_FRUSTUM_TIP | CONEMAP_FRUSTUM_CLAMPED_UPPER};
+                                 const conemap__world_ray *ray, const conemap__found *found,
+                                 conemap_skeleton_hit *hit) {
+    static const int ends_freely[3] = {
+        0, CONEMAP_FRUSTUM_ROOT | CONEMAP_FRUSTUM_BRANCH | CONEMAP_FRUSTUM_CLAMPED_LOWER,
+        CONEMAP_FRUSTUM_TIP | CONEMAP_FRUSTUM_CLAMPED_UPPER};
     const conemap_frustum *f = &skeleton->frusta[found->segment];
     conemap__place_uvw at;
     double point[3], p[3], smooth[3], plain[3], v;
@@ -9214,8 +9291,9 @@ static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const 
 }
 
 CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
-                                                   const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
-                                                   conemap_skeleton_hit *hits, int count) {
+                                                   const conemap_skeleton_trace_desc *desc,
+                                                   const conemap_ray *rays, conemap_skeleton_hit *hits,
+                                                   int count) {
     conemap_skeleton_trace_desc resolved;
     conemap_result result;
     int k;

@@ -1,11 +1,9 @@
-/* The frusta's part of bench: updates, rays, exact against linear v, equal steps against cone steps. Include after bench.c's
-   figure(). */
+/* The frusta's part of bench: updates, rays, exact against linear v, equal steps against cone steps. Include after
+   bench.c's figure(). */
 #ifndef BENCH_FRUSTA_H
 #define BENCH_FRUSTA_H
 
-static float frusta_random(uint32_t k, uint32_t what) {
-    return (float)(hash3(k, what, 11u) >> 8) / 16777216.0f;
-}
+static float frusta_random(uint32_t k, uint32_t what) { return (float)(hash3(k, what, 11u) >> 8) / 16777216.0f; }
 
 /* Chains of ten slightly bent, tapered segments, scattered over a square. */
 static int frusta_plant(int most, float bend, conemap_joint *joints, conemap_segment *segments, int *joint_count) {
@@ -23,7 +21,8 @@ static int frusta_plant(int most, float bend, conemap_joint *joints, conemap_seg
         for (int k = 0; k < 10 && count < most; ++k) {
             conemap_joint *to = &joints[joint];
             for (int c = 0; c < 3; ++c) direction[c] += bend * (frusta_random(random++, 3) - 0.5f);
-            float length = sqrtf(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
+            float length =
+                sqrtf(direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]);
             for (int c = 0; c < 3; ++c) {
                 direction[c] /= length;
                 to->position[c] = to[-1].position[c] + direction[c];
@@ -75,8 +74,10 @@ static int bench_updates(void) {
 static void frusta_rays(const conemap_joint *joints, int joint_count, conemap_ray *rays, int count) {
     memset(rays, 0, (size_t)count * sizeof *rays);
     for (int k = 0; k < count; ++k) {
-        const conemap_joint *to = &joints[(int)(frusta_random((uint32_t)k, 20) * (float)joint_count) % joint_count];
-        float azimuth = 6.2831853f * frusta_random((uint32_t)k, 21), up = 0.2f + 0.8f * frusta_random((uint32_t)k, 22);
+        const conemap_joint *to =
+            &joints[(int)(frusta_random((uint32_t)k, 20) * (float)joint_count) % joint_count];
+        float azimuth = 6.2831853f * frusta_random((uint32_t)k, 21),
+              up = 0.2f + 0.8f * frusta_random((uint32_t)k, 22);
         float aim[3] = {cosf(azimuth), up, sinf(azimuth)};
         for (uint32_t c = 0; c < 3; ++c) {
             rays[k].direction[c] = -aim[c];
@@ -85,7 +86,8 @@ static void frusta_rays(const conemap_joint *joints, int joint_count, conemap_ra
     }
 }
 
-/* Share of hits that are wrong: further than a hundredth of the radius from where very many exact steps end, or missing. */
+/* Share of hits that are wrong: further than a hundredth of the radius from where very many exact steps end, or
+   missing. */
 static double frusta_wrong(const conemap_skeleton_hit *hits, const conemap_skeleton_hit *right, int count) {
     int wrong = 0, all = 0;
     for (int k = 0; k < count; ++k) {
@@ -97,13 +99,16 @@ static double frusta_wrong(const conemap_skeleton_hit *hits, const conemap_skele
 }
 
 static int bench_relief(const char *map_name, const struct image *image) {
-    static const struct { const char *name; conemap_march march; int steps, linear, relief; } ways[] = {
-        {"plain", CONEMAP_MARCH_STEPS, 0, 0, 0},      {"steps16", CONEMAP_MARCH_STEPS, 16, 0, 1},
-        {"steps32", CONEMAP_MARCH_STEPS, 32, 0, 1},   {"steps64", CONEMAP_MARCH_STEPS, 64, 0, 1},
-        {"linear64", CONEMAP_MARCH_STEPS, 64, 1, 1},  {"steps256", CONEMAP_MARCH_STEPS, 256, 0, 1},
-        {"linear256", CONEMAP_MARCH_STEPS, 256, 1, 1}, {"cones32", CONEMAP_MARCH_CONES, 32, 0, 1},
-        {"cones64", CONEMAP_MARCH_CONES, 64, 0, 1},   {"cones256", CONEMAP_MARCH_CONES, 256, 0, 1},
-        {"cones1024", CONEMAP_MARCH_CONES, 1024, 0, 1}};
+    static const struct {
+        const char *name;
+        conemap_march march;
+        int steps, linear, relief;
+    } ways[] = {{"plain", CONEMAP_MARCH_STEPS, 0, 0, 0},       {"steps16", CONEMAP_MARCH_STEPS, 16, 0, 1},
+                {"steps32", CONEMAP_MARCH_STEPS, 32, 0, 1},    {"steps64", CONEMAP_MARCH_STEPS, 64, 0, 1},
+                {"linear64", CONEMAP_MARCH_STEPS, 64, 1, 1},   {"steps256", CONEMAP_MARCH_STEPS, 256, 0, 1},
+                {"linear256", CONEMAP_MARCH_STEPS, 256, 1, 1}, {"cones32", CONEMAP_MARCH_CONES, 32, 0, 1},
+                {"cones64", CONEMAP_MARCH_CONES, 64, 0, 1},    {"cones256", CONEMAP_MARCH_CONES, 256, 0, 1},
+                {"cones1024", CONEMAP_MARCH_CONES, 1024, 0, 1}};
     enum { WAYS = sizeof ways / sizeof ways[0], COUNT = 1000, RAYS = 8192, AGAINST = 3 };
     static conemap_joint joints[COUNT + COUNT / 10 + 2];
     static conemap_segment segments[COUNT];
@@ -160,7 +165,8 @@ static int bench_relief(const char *map_name, const struct image *image) {
         snprintf(name, sizeof name, "frusta.%s.steps", ways[k].name);
         figure(name, map_name, steps[k], "a ray");
         snprintf(name, sizeof name, "frusta.%s/steps64", ways[k].name);
-        if (k != AGAINST) figure(name, map_name, median_ratio(times[k], times[AGAINST]), "ratio (below 1: faster)");
+        if (k != AGAINST)
+            figure(name, map_name, median_ratio(times[k], times[AGAINST]), "ratio (below 1: faster)");
     }
     conemap_skeleton_free(&skeleton);
     conemap_free(&map);

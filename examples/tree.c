@@ -1,5 +1,5 @@
-/* Grows plants and other things of the kinds in [BJCW09 table 1] as skeletons, skins them with relief-mapped frusta and ray-casts
-   them, with shadows; the cacti dance. */
+/* Grows plants and other things of the kinds in [BJCW09 table 1] as skeletons, skins them with relief-mapped frusta
+   and ray-casts them, with shadows; the cacti dance. */
 #include "common.h"
 #define CONEMAP_IMPLEMENTATION
 #include "../conemap.h"
@@ -21,9 +21,7 @@ static struct vec add(struct vec a, struct vec b, float scale) {
     return vec(a.x + b.x * scale, a.y + b.y * scale, a.z + b.z * scale);
 }
 
-static float dot(struct vec a, struct vec b) {
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
+static float dot(struct vec a, struct vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
 static struct vec cross(struct vec a, struct vec b) {
     return vec(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
@@ -46,13 +44,9 @@ static struct vec aside(struct vec along, float angle, float around) {
 
 static uint32_t seed_now = 1;
 
-static float random01(void) {
-    return (float)(hash3(seed_now++, 77u, 5u) >> 8) / 16777216.0f;
-}
+static float random01(void) { return (float)(hash3(seed_now++, 77u, 5u) >> 8) / 16777216.0f; }
 
-static float vary(float about, float by) {
-    return about * (1 + by * (2 * random01() - 1));
-}
+static float vary(float about, float by) { return about * (1 + by * (2 * random01() - 1)); }
 
 /* ---- layers: a skeleton with one relief and one colour ------------------------------------------------- */
 
@@ -79,8 +73,8 @@ struct scene {
     float pool; /* of water; 0: none */
 };
 
-static struct layer *add_layer(struct scene *scene, enum relief relief, struct vec color, struct vec deep, float thickness, int u_repeat,
-                               float v_per_length) {
+static struct layer *add_layer(struct scene *scene, enum relief relief, struct vec color, struct vec deep,
+                               float thickness, int u_repeat, float v_per_length) {
     struct layer *layer = &scene->layers[scene->layer_count++];
     memset(layer, 0, sizeof *layer);
     layer->relief = relief;
@@ -137,14 +131,16 @@ static struct vec joint_at(const struct layer *layer, int joint) {
     return vec(p[0], p[1], p[2]);
 }
 
-/* A limb of `count` segments, each turned by `bend` towards `toward`, its radius going from r0 to r1. Returns the last segment. */
-static int grow(struct layer *layer, int parent, int base, struct vec direction, float length, int count, float r0, float r1,
-                struct vec toward, float bend, float wobble) {
+/* A limb of `count` segments, each turned by `bend` towards `toward`, its radius going from r0 to r1. Returns the
+   last segment. */
+static int grow(struct layer *layer, int parent, int base, struct vec direction, float length, int count, float r0,
+                float r1, struct vec toward, float bend, float wobble) {
     struct vec at = joint_at(layer, parent >= 0 ? layer->segments[parent].top : base);
     for (int k = 1; k <= count; ++k) {
         float t = (float)k / (float)count;
         direction = unit(add(direction, toward, bend));
-        if (wobble > 0) direction = unit(add(direction, vec(random01() - 0.5f, random01() - 0.5f, random01() - 0.5f), wobble));
+        if (wobble > 0)
+            direction = unit(add(direction, vec(random01() - 0.5f, random01() - 0.5f, random01() - 0.5f), wobble));
         at = add(at, direction, length / (float)count);
         int made = add_segment(layer, parent, base, at, r0 + (r1 - r0) * t);
         if (k == 1 && parent >= 0 && r0 < layer->joints[layer->segments[parent].top].radius)
@@ -156,7 +152,8 @@ static int grow(struct layer *layer, int parent, int base, struct vec direction,
 
 /* A rounded end of `count` segments on a limb. */
 static void dome(struct layer *layer, int parent, float radius, int count) {
-    struct vec from = joint_at(layer, layer->segments[parent].base), at = joint_at(layer, layer->segments[parent].top);
+    struct vec from = joint_at(layer, layer->segments[parent].base),
+               at = joint_at(layer, layer->segments[parent].top);
     struct vec direction = unit(add(at, from, -1)), centre = at;
     for (int k = 1; k <= count; ++k) {
         float angle = 0.5f * PI * (float)k / (float)count;
@@ -172,13 +169,14 @@ static const struct vec GREEN = {0.30f, 0.47f, 0.20f}, DARK_GREEN = {0.13f, 0.24
 static void saguaro_at(struct layer *layer, struct vec at, float size, int trunk, int arms, int arm_segments) {
     float r = 0.42f * size;
     int root = add_joint(layer, at, r * 0.9f);
-    int last = grow(layer, -1, root, vec(0, 1, 0), 5.2f * size, trunk - 4, r, r, vec(0, 1, 0), 0, 0.02f), first = last - (trunk - 5);
+    int last = grow(layer, -1, root, vec(0, 1, 0), 5.2f * size, trunk - 4, r, r, vec(0, 1, 0), 0, 0.02f),
+        first = last - (trunk - 5);
     dome(layer, last, r, 4);
     for (int k = 0; k < arms; ++k) {
         int from = first + (trunk - 4) * (k + 3) / (arms + 5);
         float around = PI * (float)k + 0.4f, ra = 0.27f * size;
-        int arm = grow(layer, from, 0, vec(cosf(around), 0.08f, sinf(around)), 2.9f * size, arm_segments - 3, ra, ra, vec(0, 1, 0),
-                       2.2f / (float)arm_segments, 0);
+        int arm = grow(layer, from, 0, vec(cosf(around), 0.08f, sinf(around)), 2.9f * size, arm_segments - 3, ra,
+                       ra, vec(0, 1, 0), 2.2f / (float)arm_segments, 0);
         dome(layer, arm, ra, 3);
     }
 }
@@ -195,12 +193,14 @@ static void aloe_at(struct layer *layer, struct vec at, float size, int leaves, 
         float t = (float)k / (float)leaves, around = 2.39996f * (float)k, up = 0.25f + 1.1f * t;
         struct vec out = vec(cosf(around) * cosf(up), sinf(up), sinf(around) * cosf(up));
         int root = add_joint(layer, add(at, out, 0.1f * size), 0.11f * size);
-        grow(layer, -1, root, out, vary((1.5f - 0.5f * t) * size, 0.1f), each, 0.13f * size, 0.0f, vec(0, 1, 0), 0.09f, 0.03f);
+        grow(layer, -1, root, out, vary((1.5f - 0.5f * t) * size, 0.1f), each, 0.13f * size, 0.0f, vec(0, 1, 0),
+             0.09f, 0.03f);
     }
 }
 
 static void aloe(struct scene *scene) {
-    struct layer *layer = add_layer(scene, LEAF, vec(0.38f, 0.52f, 0.33f), vec(0.20f, 0.33f, 0.22f), 0.25f, 1, 1.0f);
+    struct layer *layer =
+        add_layer(scene, LEAF, vec(0.38f, 0.52f, 0.33f), vec(0.20f, 0.33f, 0.22f), 0.25f, 1, 1.0f);
     int root = add_joint(layer, vec(0, -0.05f, 0), 0.2f);
     add_segment(layer, -1, root, vec(0, 0.2f, 0), 0.05f);
     aloe_at(layer, vec(0, 0.1f, 0), 1, 38, 6); /* 229 segments */
@@ -210,25 +210,34 @@ static void aloe(struct scene *scene) {
 
 /* Branches off branches, breadth first, until there are enough. */
 static void elm(struct scene *scene) {
-    struct layer *layer = add_layer(scene, BARK, vec(0.52f, 0.42f, 0.32f), vec(0.20f, 0.15f, 0.11f), 0.30f, 2, 0.6f);
-    struct { int segment, level; float length, radius; } queue[2048];
+    struct layer *layer =
+        add_layer(scene, BARK, vec(0.52f, 0.42f, 0.32f), vec(0.20f, 0.15f, 0.11f), 0.30f, 2, 0.6f);
+    struct {
+        int segment, level;
+        float length, radius;
+    } queue[2048];
     int head = 0, tail = 0, wanted = 1833;
     int root = add_joint(layer, vec(0, 0, 0), 0.5f);
     int trunk = grow(layer, -1, root, vec(0, 1, 0), 2.4f, 6, 0.5f, 0.3f, vec(0, 1, 0), 0, 0.08f);
-    for (int k = 0; k < 6; ++k) layer->joints[k].radius *= 1.0f + 0.5f / (1.0f + 4.0f * (float)k); /* roots' flare */
+    for (int k = 0; k < 6; ++k)
+        layer->joints[k].radius *= 1.0f + 0.5f / (1.0f + 4.0f * (float)k); /* roots' flare */
     queue[tail].segment = trunk;
     queue[tail].level = 0;
     queue[tail].length = 2.1f;
     queue[tail++].radius = 0.3f;
     while (head < tail && layer->segment_count < wanted) {
-        int from = queue[head].segment, level = queue[head].level, parts = level < 3 ? 5 : 4, children = level < 2 ? 4 : 3;
+        int from = queue[head].segment, level = queue[head].level, parts = level < 3 ? 5 : 4,
+            children = level < 2 ? 4 : 3;
         float length = queue[head].length, radius = queue[head++].radius, turn = 6.28f * random01();
-        struct vec d = unit(add(joint_at(layer, layer->segments[from].top), joint_at(layer, layer->segments[from].base), -1));
+        struct vec d =
+            unit(add(joint_at(layer, layer->segments[from].top), joint_at(layer, layer->segments[from].base), -1));
         for (int k = 0; k < children && layer->segment_count < wanted; ++k) {
             float share = k == 0 ? 1.0f : 0.62f;
-            struct vec out = aside(d, k == 0 ? 0.2f : vary(0.75f, 0.2f), turn + 6.28f * (float)k / (float)children);
+            struct vec out =
+                aside(d, k == 0 ? 0.2f : vary(0.75f, 0.2f), turn + 6.28f * (float)k / (float)children);
             int left = wanted - layer->segment_count, made = parts < left ? parts : left;
-            int last = grow(layer, from, 0, out, vary(length, 0.2f), made, radius * share, radius * (k == 0 ? 0.66f : 0.42f), vec(0, 1, 0), 0.05f, 0.16f);
+            int last = grow(layer, from, 0, out, vary(length, 0.2f), made, radius * share,
+                            radius * (k == 0 ? 0.66f : 0.42f), vec(0, 1, 0), 0.05f, 0.16f);
             if (tail < 2048) {
                 queue[tail].segment = last;
                 queue[tail].level = level + 1;
@@ -241,7 +250,8 @@ static void elm(struct scene *scene) {
     scene->target = vec(0, 4.3f, 0);
 }
 
-static void palm_at(struct scene *scene, struct layer *trunk, struct layer *leaves, struct vec at, float size, int fronds, int leaflets) {
+static void palm_at(struct scene *scene, struct layer *trunk, struct layer *leaves, struct vec at, float size,
+                    int fronds, int leaflets) {
     struct vec lean = unit(vec(0.25f * (random01() - 0.5f), 1, 0.25f * (random01() - 0.5f)));
     int root = add_joint(trunk, at, 0.24f * size);
     int top = grow(trunk, -1, root, lean, 5.5f * size, 14, 0.19f * size, 0.12f * size, vec(0, 1, 0), 0.02f, 0.06f);
@@ -258,9 +268,11 @@ static void palm_at(struct scene *scene, struct layer *trunk, struct layer *leav
             rib = add_segment(leaves, rib, base, p, 0.035f * size * (1 - 0.9f * (float)j / (float)parts));
             for (int m = 0; j > 1 && m < leaflets; ++m) {
                 float side = m & 1 ? 1.0f : -1.0f, t = (float)(m / 2) / (0.5f * (float)leaflets);
-                struct vec across = unit(cross(d, vec(0, 1, 0))), from = add(p, d, -t * 2.6f * size / (float)parts);
+                struct vec across = unit(cross(d, vec(0, 1, 0))),
+                           from = add(p, d, -t * 2.6f * size / (float)parts);
                 float length = 0.75f * size * sinf(PI * ((float)j - t) / ((float)parts + 1.2f)) + 0.12f * size;
-                struct vec tip = add(add(add(from, across, side * length * 0.8f), d, 0.5f * length), vec(0, -1, 0), 0.35f * length * (0.6f + random01()));
+                struct vec tip = add(add(add(from, across, side * length * 0.8f), d, 0.5f * length), vec(0, -1, 0),
+                                     0.35f * length * (0.6f + random01()));
                 int foot = add_joint(leaves, from, 0.018f * size);
                 add_segment(leaves, -1, foot, tip, 0.002f * size);
             }
@@ -269,7 +281,8 @@ static void palm_at(struct scene *scene, struct layer *trunk, struct layer *leav
 }
 
 static void coconut(struct scene *scene) {
-    struct layer *trunk = add_layer(scene, RINGS, vec(0.60f, 0.50f, 0.38f), vec(0.28f, 0.21f, 0.15f), 0.30f, 1, 1.0f);
+    struct layer *trunk =
+        add_layer(scene, RINGS, vec(0.60f, 0.50f, 0.38f), vec(0.28f, 0.21f, 0.15f), 0.30f, 1, 1.0f);
     struct layer *leaves = add_layer(scene, SMOOTH, vec(0.27f, 0.45f, 0.14f), vec(0.20f, 0.34f, 0.10f), 0, 1, 1);
     palm_at(scene, trunk, leaves, vec(0, 0, 0), 1, 27, 16); /* 14 + 27 (9 + 8 16) = 3713 */
     scene->eye = vec(4.5f, 3.4f, 9.0f);
@@ -277,23 +290,27 @@ static void coconut(struct scene *scene) {
 }
 
 static void pine(struct scene *scene) {
-    struct layer *trunk = add_layer(scene, BARK, vec(0.47f, 0.33f, 0.23f), vec(0.19f, 0.12f, 0.09f), 0.35f, 1, 0.7f);
+    struct layer *trunk =
+        add_layer(scene, BARK, vec(0.47f, 0.33f, 0.23f), vec(0.19f, 0.12f, 0.09f), 0.35f, 1, 0.7f);
     struct layer *needles = add_layer(scene, SMOOTH, vec(0.13f, 0.29f, 0.14f), vec(0.13f, 0.29f, 0.14f), 0, 1, 1);
     int root = add_joint(trunk, vec(0, 0, 0), 0.32f), levels = 24, wanted = 16997;
     int first = 0, top = grow(trunk, -1, root, vec(0, 1, 0), 8.5f, levels, 0.28f, 0.03f, vec(0, 1, 0), 0, 0.01f);
     (void)top;
     for (int k = 2; k < levels; ++k)
         for (int b = 0; b < 6; ++b) {
-            float t = (float)k / (float)levels, around = 1.05f * (float)b + 0.7f * (float)k, length = vary(2.7f * (1 - t) + 0.2f, 0.15f);
+            float t = (float)k / (float)levels, around = 1.05f * (float)b + 0.7f * (float)k,
+                  length = vary(2.7f * (1 - t) + 0.2f, 0.15f);
             struct vec out = vec(cosf(around), 0.15f + 0.5f * t, sinf(around));
             float r = 0.055f * (1.1f - t);
             int last = grow(trunk, first + k, 0, unit(out), length, 5, r, r * 0.2f, vec(0, 1, 0), 0.03f, 0.05f);
             for (int j = 0; j < 5; ++j) { /* twigs of needles along it */
                 int at = last - 4 + j;
-                struct vec a = joint_at(trunk, trunk->segments[at].base), d = add(joint_at(trunk, trunk->segments[at].top), a, -1);
+                struct vec a = joint_at(trunk, trunk->segments[at].base),
+                           d = add(joint_at(trunk, trunk->segments[at].top), a, -1);
                 int many = 26;
                 for (int n = 0; n < many && total_segments(scene) < wanted; ++n) {
-                    struct vec from = add(a, d, random01()), way = aside(unit(d), vary(0.9f, 0.3f), 6.2832f * random01());
+                    struct vec from = add(a, d, random01()),
+                               way = aside(unit(d), vary(0.9f, 0.3f), 6.2832f * random01());
                     int foot = add_joint(needles, from, 0.011f);
                     add_segment(needles, -1, foot, add(from, way, vary(0.30f, 0.3f)), 0.003f);
                 }
@@ -305,12 +322,16 @@ static void pine(struct scene *scene) {
 
 static void desert(struct scene *scene) {
     struct layer *cacti = add_layer(scene, RIBS, GREEN, DARK_GREEN, 0.22f, 1, 0.4f);
-    struct layer *aloes = add_layer(scene, LEAF, vec(0.38f, 0.50f, 0.36f), vec(0.20f, 0.31f, 0.22f), 0.25f, 1, 1.0f);
-    struct layer *stones = add_layer(scene, BARK, vec(0.60f, 0.47f, 0.36f), vec(0.36f, 0.26f, 0.19f), 0.25f, 1, 0.5f);
+    struct layer *aloes =
+        add_layer(scene, LEAF, vec(0.38f, 0.50f, 0.36f), vec(0.20f, 0.31f, 0.22f), 0.25f, 1, 1.0f);
+    struct layer *stones =
+        add_layer(scene, BARK, vec(0.60f, 0.47f, 0.36f), vec(0.36f, 0.26f, 0.19f), 0.25f, 1, 0.5f);
     for (int k = 0; k < 9; ++k) /* 270 */
-        saguaro_at(cacti, vec(-9 + 2.4f * (float)k + random01(), 0, -2.0f - 7 * random01()), vary(0.9f, 0.3f), 12, 2, 9);
+        saguaro_at(cacti, vec(-9 + 2.4f * (float)k + random01(), 0, -2.0f - 7 * random01()), vary(0.9f, 0.3f), 12,
+                   2, 9);
     for (int k = 0; k < 5; ++k) /* 460 */
-        aloe_at(aloes, vec(-5 + 2.5f * (float)k + random01(), 0, 1.5f + 2.5f * random01()), vary(0.6f, 0.3f), 23, 4);
+        aloe_at(aloes, vec(-5 + 2.5f * (float)k + random01(), 0, 1.5f + 2.5f * random01()), vary(0.6f, 0.3f), 23,
+                4);
     for (int k = 0; total_segments(scene) + 3 <= 799; ++k) {
         struct vec at = vec(-8 + 16 * random01(), -0.05f, -5 + 9 * random01());
         float r = vary(0.25f, 0.5f);
@@ -325,16 +346,19 @@ static void desert(struct scene *scene) {
 }
 
 static void oasis(struct scene *scene) {
-    struct layer *trunk = add_layer(scene, RINGS, vec(0.60f, 0.50f, 0.38f), vec(0.28f, 0.21f, 0.15f), 0.30f, 1, 1.0f);
+    struct layer *trunk =
+        add_layer(scene, RINGS, vec(0.60f, 0.50f, 0.38f), vec(0.28f, 0.21f, 0.15f), 0.30f, 1, 1.0f);
     struct layer *leaves = add_layer(scene, SMOOTH, vec(0.27f, 0.45f, 0.14f), vec(0.20f, 0.34f, 0.10f), 0, 1, 1);
-    static const float places[7][3] = {{-3, -1, 1}, {-1.6f, -3, 1.1f}, {1.5f, -2, 0.9f}, {3.4f, -4, 1.1f}, {4.5f, -1, 0.8f}, {-5, -5, 1.2f}, {0.4f, -6, 1.2f}};
-    for (int k = 0; k < 7; ++k) palm_at(scene, trunk, leaves, vec(places[k][0], 0, places[k][1]), places[k][2], 20, 14);
+    static const float places[7][3] = {{-3, -1, 1},      {-1.6f, -3, 1.1f}, {1.5f, -2, 0.9f}, {3.4f, -4, 1.1f},
+                                       {4.5f, -1, 0.8f}, {-5, -5, 1.2f},    {0.4f, -6, 1.2f}};
+    for (int k = 0; k < 7; ++k)
+        palm_at(scene, trunk, leaves, vec(places[k][0], 0, places[k][1]), places[k][2], 20, 14);
     while (total_segments(scene) + 3 <= 18557) { /* grass */
         float around = 6.2832f * random01(), far_out = 3.2f + 1.6f * random01() * random01();
         struct vec at = vec(far_out * cosf(around), 0, 1.2f + 0.7f * far_out * sinf(around));
         int root = add_joint(leaves, at, 0.014f);
-        grow(leaves, -1, root, unit(vec(random01() - 0.5f, 1.5f, random01() - 0.5f)), vary(0.55f, 0.5f), 3, 0.012f, 0.002f,
-             vec(random01() - 0.5f, 0, random01() - 0.5f), 0.3f, 0);
+        grow(leaves, -1, root, unit(vec(random01() - 0.5f, 1.5f, random01() - 0.5f)), vary(0.55f, 0.5f), 3, 0.012f,
+             0.002f, vec(random01() - 0.5f, 0, random01() - 0.5f), 0.3f, 0);
     }
     scene->ground = vec(0.64f, 0.54f, 0.38f);
     scene->pool = 3.1f;
@@ -343,9 +367,12 @@ static void oasis(struct scene *scene) {
 }
 
 static void well(struct scene *scene) {
-    struct layer *stone = add_layer(scene, STONES, vec(0.66f, 0.62f, 0.56f), vec(0.30f, 0.27f, 0.24f), 0.12f, 3, 0.4f);
-    struct layer *wood = add_layer(scene, BARK, vec(0.50f, 0.36f, 0.22f), vec(0.24f, 0.16f, 0.10f), 0.20f, 1, 0.8f);
-    struct layer *roof = add_layer(scene, TILES, vec(0.58f, 0.27f, 0.18f), vec(0.30f, 0.12f, 0.08f), 0.07f, 6, 1.2f);
+    struct layer *stone =
+        add_layer(scene, STONES, vec(0.66f, 0.62f, 0.56f), vec(0.30f, 0.27f, 0.24f), 0.12f, 3, 0.4f);
+    struct layer *wood =
+        add_layer(scene, BARK, vec(0.50f, 0.36f, 0.22f), vec(0.24f, 0.16f, 0.10f), 0.20f, 1, 0.8f);
+    struct layer *roof =
+        add_layer(scene, TILES, vec(0.58f, 0.27f, 0.18f), vec(0.30f, 0.12f, 0.08f), 0.07f, 6, 1.2f);
     struct layer *plain = add_layer(scene, SMOOTH, vec(0.09f, 0.13f, 0.15f), vec(0, 0, 0), 0, 1, 1);
     int j = add_joint(stone, vec(0, 0, 0), 1.25f);
     add_segment(stone, -1, j, vec(0, 1.1f, 0), 1.15f);
@@ -375,18 +402,25 @@ static void dance(struct layer *layer, float time) {
     int joint = 0;
     for (int k = 0; k < DANCERS; ++k) {
         int segments = dancer_segments(k), body = segments - 3;
-        struct vec at = vec(1.5f * (float)(k % 10) - 6.75f + (k / 10 % 2 ? 0.75f : 0), 0, 1.5f * (float)(k / 10) - 9.0f);
-        float phase = 6.2832f * (float)(hash3((uint32_t)k, 3, 9) >> 8) / 16777216.0f, r = 0.2f, bend = 0, way = phase;
+        struct vec at =
+            vec(1.5f * (float)(k % 10) - 6.75f + (k / 10 % 2 ? 0.75f : 0), 0, 1.5f * (float)(k / 10) - 9.0f);
+        float phase = 6.2832f * (float)(hash3((uint32_t)k, 3, 9) >> 8) / 16777216.0f, r = 0.2f, bend = 0,
+              way = phase;
         struct vec d = vec(0, 1, 0);
         for (int i = 0; i <= segments; ++i) {
             conemap_joint *to = &layer->joints[joint++];
-            float radius = i <= body ? r * (0.85f + 0.25f * sinf(PI * (float)i / (float)body)) : r * 0.85f * cosf(0.5f * PI * (float)(i - body) / 3.0f);
+            float radius = i <= body ? r * (0.85f + 0.25f * sinf(PI * (float)i / (float)body))
+                                     : r * 0.85f * cosf(0.5f * PI * (float)(i - body) / 3.0f);
             if (i == segments) radius = 0;
             if (i > 0) {
                 float step = 1.6f / (float)body;
-                if (i > body) step = r * 0.85f * (sinf(0.5f * PI * (float)(i - body) / 3.0f) - sinf(0.5f * PI * (float)(i - body - 1) / 3.0f));
+                if (i > body)
+                    step = r * 0.85f *
+                           (sinf(0.5f * PI * (float)(i - body) / 3.0f) -
+                            sinf(0.5f * PI * (float)(i - body - 1) / 3.0f));
                 else {
-                    bend = 1.1f * sinf(6.2832f * time + phase + 4.0f * (float)i / (float)body) * (float)i / (float)body;
+                    bend = 1.1f * sinf(6.2832f * time + phase + 4.0f * (float)i / (float)body) * (float)i /
+                           (float)body;
                     way = phase + 0.8f * sinf(6.2832f * time);
                     d = unit(vec(sinf(bend) * cosf(way), cosf(bend), sinf(bend) * sinf(way)));
                 }
@@ -405,7 +439,8 @@ static void cacti(struct scene *scene) {
     struct layer *layer = add_layer(scene, RIBS, GREEN, DARK_GREEN, 0.25f, 1, 0.8f);
     for (int k = 0; k < DANCERS; ++k) {
         int parent = -1, base = add_joint(layer, vec((float)k, 0, 0), 0.1f);
-        for (int i = 0; i < dancer_segments(k); ++i) parent = add_segment(layer, parent, base, vec((float)k, (float)(i + 1), 0), 0.1f);
+        for (int i = 0; i < dancer_segments(k); ++i)
+            parent = add_segment(layer, parent, base, vec((float)k, (float)(i + 1), 0), 0.1f);
     }
     dance(layer, 0);
     scene->ground = vec(0.62f, 0.50f, 0.35f);
@@ -490,7 +525,8 @@ struct settings {
     int steps;
 };
 
-static void set_trace(const struct settings *settings, const struct layer *layer, int any_hit, conemap_skeleton_trace_desc *trace) {
+static void set_trace(const struct settings *settings, const struct layer *layer, int any_hit,
+                      conemap_skeleton_trace_desc *trace) {
     memset(trace, 0, sizeof *trace);
     if (settings->relief && layer->relief != SMOOTH) trace->map = &layer->map;
     trace->height = layer->relief == SMOOTH ? 0.0f : 0.5f;
@@ -500,7 +536,8 @@ static void set_trace(const struct settings *settings, const struct layer *layer
 }
 
 /* 1 where the sun reaches, 0 in a shadow. */
-static float sunlight(const struct scene *scene, const struct settings *settings, struct vec at, struct vec normal) {
+static float sunlight(const struct scene *scene, const struct settings *settings, struct vec at,
+                      struct vec normal) {
     conemap_ray ray;
     conemap_skeleton_hit hit;
     struct vec from = add(add(at, normal, 2e-3f), scene->sun, 4e-3f);
@@ -561,8 +598,10 @@ static struct vec look(const struct scene *scene, const struct settings *setting
     }
     if (t_ground > 0) {
         struct vec at = add(eye, d, t_ground), color = scene->ground, haze = vec(0.62f, 0.70f, 0.80f), shade;
-        float far_out = 1 - expf(-0.0004f * t_ground * t_ground), sun = t_ground < 60 ? sunlight(scene, settings, at, vec(0, 1, 0)) : 1;
-        if (at.x * at.x + 2.0f * (at.z - 1.2f) * (at.z - 1.2f) < scene->pool * scene->pool) color = vec(0.24f, 0.38f, 0.46f);
+        float far_out = 1 - expf(-0.0004f * t_ground * t_ground),
+              sun = t_ground < 60 ? sunlight(scene, settings, at, vec(0, 1, 0)) : 1;
+        if (at.x * at.x + 2.0f * (at.z - 1.2f) * (at.z - 1.2f) < scene->pool * scene->pool)
+            color = vec(0.24f, 0.38f, 0.46f);
         shade = lit(scene, vec(color.x * color.x, color.y * color.y, color.z * color.z), vec(0, 1, 0), sun);
         return add(shade, add(haze, shade, -1), far_out);
     }
@@ -577,7 +616,8 @@ static unsigned char screen(float x) {
 static int picture(const struct scene *scene, const struct settings *settings, const char *path) {
     int width = settings->width, height = settings->height, n = settings->samples;
     unsigned char *pixels = (unsigned char *)malloc((size_t)width * (size_t)height * 3);
-    struct vec back = unit(add(scene->eye, scene->target, -1)), right = unit(cross(vec(0, 1, 0), back)), up = cross(back, right);
+    struct vec back = unit(add(scene->eye, scene->target, -1)), right = unit(cross(vec(0, 1, 0), back)),
+               up = cross(back, right);
     struct progress progress;
     if (!pixels) return fail("a picture of %d x %d is too large for the memory at hand", width, height);
     progress_begin(&progress, path);
@@ -587,9 +627,12 @@ static int picture(const struct scene *scene, const struct settings *settings, c
             for (int k = 0; k < n * n; ++k) {
                 float px = ((float)x + ((float)(k % n) + 0.5f) / (float)n) / (float)width * 2 - 1;
                 float py = 1 - ((float)y + ((float)(k / n) + 0.5f) / (float)n) / (float)height * 2;
-                struct vec d = add(add(add(vec(0, 0, 0), back, -1), right, 0.42f * px * (float)width / (float)height), up, 0.42f * py);
+                struct vec d =
+                    add(add(add(vec(0, 0, 0), back, -1), right, 0.42f * px * (float)width / (float)height), up,
+                        0.42f * py);
                 struct vec c = look(scene, settings, scene->eye, unit(d));
-                sum = add(sum, vec(c.x > 1 ? 1 : c.x, c.y > 1 ? 1 : c.y, c.z > 1 ? 1 : c.z), 1.0f / (float)(n * n));
+                sum =
+                    add(sum, vec(c.x > 1 ? 1 : c.x, c.y > 1 ? 1 : c.y, c.z > 1 ? 1 : c.z), 1.0f / (float)(n * n));
             }
             unsigned char *pixel = pixels + 3 * ((size_t)y * (size_t)width + (size_t)x);
             pixel[0] = screen(sum.x);
@@ -609,8 +652,8 @@ static int picture(const struct scene *scene, const struct settings *settings, c
 static const struct {
     const char *name;
     void (*grow)(struct scene *scene);
-} models[] = {{"saguaro", saguaro}, {"aloe", aloe},       {"well", well},   {"desert", desert}, {"elm", elm},
-              {"cacti", cacti},     {"coconut", coconut}, {"pine", pine},   {"oasis", oasis}};
+} models[] = {{"saguaro", saguaro}, {"aloe", aloe},       {"well", well}, {"desert", desert}, {"elm", elm},
+              {"cacti", cacti},     {"coconut", coconut}, {"pine", pine}, {"oasis", oasis}};
 enum { MODELS = sizeof models / sizeof models[0] };
 
 static int render_model(int model, struct settings settings, int relief_only, int frames, const char *folder) {
@@ -622,7 +665,8 @@ static int render_model(int model, struct settings settings, int relief_only, in
     scene.sun = unit(vec(0.62f, 0.80f, 0.45f));
     seed_now = 1;
     models[model].grow(&scene);
-    for (int k = 0; good && k < scene.layer_count; ++k) good = make_relief(&scene.layers[k]) && skin(&scene.layers[k]);
+    for (int k = 0; good && k < scene.layer_count; ++k)
+        good = make_relief(&scene.layers[k]) && skin(&scene.layers[k]);
     if (good) printf("%s: %d segments\n", models[model].name, total_segments(&scene));
     for (int plain = 0; good && plain < (relief_only ? 1 : 2); ++plain) {
         double start = seconds();
@@ -655,9 +699,10 @@ static int render_model(int model, struct settings settings, int relief_only, in
 }
 
 static void print_help(void) {
-    printf("usage: tree [options] [MODEL...]\n"
-           "Grows models as skeletons, skins them with relief-mapped frusta, renders them with and without relief.\n"
-           "  MODEL          one of:");
+    printf(
+        "usage: tree [options] [MODEL...]\n"
+        "Grows models as skeletons, skins them with relief-mapped frusta, renders them with and without relief.\n"
+        "  MODEL          one of:");
     for (int k = 0; k < MODELS; ++k) printf(" %s", models[k].name);
     printf(" (default: all)\n"
            "  --size WxH     pixels (400x300)\n"
@@ -670,7 +715,8 @@ static void print_help(void) {
 }
 
 int main(int argc, char **argv) {
-    static const struct name march_names[] = {{"steps", CONEMAP_MARCH_STEPS}, {"cones", CONEMAP_MARCH_CONES}, {NULL, 0}};
+    static const struct name march_names[] = {
+        {"steps", CONEMAP_MARCH_STEPS}, {"cones", CONEMAP_MARCH_CONES}, {NULL, 0}};
     struct args args = {argc, 0, argv, "", 0};
     struct settings settings;
     const char *folder = "out";
@@ -684,15 +730,24 @@ int main(int argc, char **argv) {
         int model = 0;
         if (arg_is(&args, "--help") || arg_is(&args, "-h")) return print_help(), 0;
         while (model < MODELS && !arg_is(&args, models[model].name)) ++model;
-        if (model < MODELS) wanted[model] = any = 1;
-        else if (arg_is(&args, "--size")) arg_size(&args, 16384, &settings.width, &settings.height);
-        else if (arg_is(&args, "--samples")) settings.samples = arg_int(&args, 1, 8);
-        else if (arg_is(&args, "--relief-only")) relief_only = 1;
-        else if (arg_is(&args, "--frames")) frames = arg_int(&args, 1, 10000);
-        else if (arg_is(&args, "--march")) settings.march = (conemap_march)arg_name(&args, march_names);
-        else if (arg_is(&args, "--steps")) settings.steps = arg_int(&args, 1, 1 << 20);
-        else if (arg_is(&args, "-o")) folder = arg_text(&args);
-        else arg_unknown(&args);
+        if (model < MODELS)
+            wanted[model] = any = 1;
+        else if (arg_is(&args, "--size"))
+            arg_size(&args, 16384, &settings.width, &settings.height);
+        else if (arg_is(&args, "--samples"))
+            settings.samples = arg_int(&args, 1, 8);
+        else if (arg_is(&args, "--relief-only"))
+            relief_only = 1;
+        else if (arg_is(&args, "--frames"))
+            frames = arg_int(&args, 1, 10000);
+        else if (arg_is(&args, "--march"))
+            settings.march = (conemap_march)arg_name(&args, march_names);
+        else if (arg_is(&args, "--steps"))
+            settings.steps = arg_int(&args, 1, 1 << 20);
+        else if (arg_is(&args, "-o"))
+            folder = arg_text(&args);
+        else
+            arg_unknown(&args);
     }
     if (args.failed) return 1;
     make_directory(folder);

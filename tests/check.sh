@@ -226,6 +226,15 @@ aperture() {
 }
 need "aperture of safe cones" gcc && part "aperture of safe cones" aperture
 
+# ---- a million rays against frusta, and ten times the quick run's relief ------------------------------------------------
+frusta() {
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -I. $suite -o "$dir/suite" -lm || return 1
+    FRUSTA_RAYS=${FRUSTA_RAYS:-1000000} "$dir/suite" frusta/ | tee -a "$dir/out" || return 1
+    grep -q ' 0 failed' "$dir/out"
+}
+need "frusta, a million rays" gcc && part "frusta, a million rays" frusta
+
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
     clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/long/fuzz.c -o "$dir/fuzz" -lm || return 1

@@ -94,5 +94,11 @@ works build/accuracy --help
 refuses build/accuracy --no-such-option
 refuses build/accuracy --size many
 refuses build/accuracy "$dir/cut.pgm" --no-pictures
+works build/tree --help
+works build/tree well cacti --size 24x16 --samples 1 --frames 2 -o "$dir"
+[ -s "$dir/cacti-1.png" ] || say "tree draws no second frame"
+refuses build/tree --march fastest
+refuses build/tree no-such-model
+refuses build/tree well --size 8x8 -o "$dir/no/such/folder"
 [ $failed = 0 ] && echo "examples: all as they should be"
 exit $failed
