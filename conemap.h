@@ -685,6 +685,43 @@ CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *t
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
+/* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them. Every
+   pass reads textures and writes one value for each texel of the map, so it can be a compute dispatch or, for WebGL 2 and
+   ES 3.0, a full-screen draw (the viewport is the map's size). The state is a one-channel f32 texture, in two copies that
+   passes read and write by turns; before the first pass the one that it reads holds 0. What comes out are vertex cones as
+   CONEMAP_RING makes them, to within float rounding and never wider: CONEMAP_GUARANTEE_VERTEX. */
+typedef enum conemap_kernel {
+    CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
+                                and the state, writes the state */
+    CONEMAP_KERNEL_MIN3X3,   /* of each 3x3 block the narrowest cone [BV24 eq. 2]: state to state */
+    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down. Not DUMMER */
+    CONEMAP_KERNEL_COUNT
+} conemap_kernel;
+
+/* One pass. Between passes the host waits for the writes of the one before (a barrier, or the next draw's order). */
+typedef struct conemap_gpu_pass {
+    conemap_kernel kernel;
+    int first, last;     /* RING: the two arguments */
+    int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture */
+    int groups_x, groups_y; /* of 8 x 8 threads */
+} conemap_gpu_pass;
+
+/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture), fixed_size, prefix, binding, set,
+   sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state), precision, fetch
+   and, for the state, fetch_maxima, both `float NAME(int i, int j)`; other fields are ignored. FUNCTIONS are
+       float conemap_ring(int i, int j, int first, int last[, ivec2 size])
+       float conemap_steepest(int i, int j[, ivec2 size])
+       float conemap_stored(int i, int j[, ivec2 size])     the cone channel; conemap_texel(i, j[, size]) is the height
+   Otherwise as conemap_emit. */
+CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
+                                               size_t capacity, size_t *size);
+
+/* The passes that make a map of desc->map.width x height, min3x3 among them if desc->map.min3x3 is set. batch: texels that
+   one invocation looks at in a pass, so that no dispatch runs long; 0: 4096. passes: null asks for the count alone. Errors:
+   NULL, SIZE, PARAMETER (batch below 0), BUFFER (capacity below the count; nothing is written). */
+CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
+                                              int *count);
+
 #ifdef __cplusplus
 }
 #endif
@@ -4207,7 +4244,8 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
     X(nothing_u) X(nothing_v) X(nothing) X(per_cell) X(cone_only) X(hardware) X(gather) X(steps) X(status)       \
     X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart) X(debug) X(cone_texel)        \
     X(fragment) X(compute) X(located) X(es_310) X(uses_map) X(uses_heights) X(uses_maxima) X(sampler)            \
-    X(arguments) X(discards) X(host_maxima) X(mediump) X(external) X(version) X(solves)
+    X(arguments) X(discards) X(host_maxima) X(mediump) X(external) X(version) X(solves) X(kernel)\
+    X(ring) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -4337,6 +4375,51 @@ static const conemap__snippet conemap__snippets[] = {
                       "    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;\n"
                       "    return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;\n"
                       "}\n"},
+
+    /* ---- kernels ---- */
+    {"conemap_ring",
+     "// Steepest slope, squared, from texel (i, j) to those of rings first..last, and of the rings before.\n"
+     "$FNfloat conemap_ring(int i, int j, int first, int last$SIZE_PARAMS) {\n"
+     "    float s = $KEPT, apex = conemap_texel(i, j$SIZE);\n"
+     "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b);\n"
+     "    for (int r = first; r <= last; ++r) {\n"
+     "        float d = shorter * float(r), room = 1.0f - apex;\n"
+     "        if (room * room <= s * d * d) break; // nothing so far away can be steeper\n"
+     "        for (int side = 0; side < 4; ++side) {\n"
+     "            for (int k = -r; k < r; ++k) {\n"
+     "                int di = side == 0 ? k : side == 1 ? r : side == 2 ? -k : -r;\n"
+     "                int dj = side == 0 ? -r : side == 1 ? k : side == 2 ? r : -k;\n"
+     "?!wrap_u                 if (i + di < 0 || i + di >= $W) continue;\n"
+     "?!wrap_v                 if (j + dj < 0 || j + dj >= $H) continue;\n"
+     "                float x = a * float(di), y = b * float(dj), rise = conemap_texel(i + di, j + dj$SIZE) - apex;\n"
+     "                if (rise > 0.0f) s = max(s, rise * rise / (x * x + y * y));\n"
+     "            }\n"
+     "        }\n"
+     "    }\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_slope", "$FNfloat conemap_slope(int i, int j$SIZE_PARAMS) {\n"
+                      "    return $SLOPE;\n"
+                      "}\n"},
+    {"conemap_steepest", "// The narrowest cone of the 3x3 block around a texel.\n"
+                         "$FNfloat conemap_steepest(int i, int j$SIZE_PARAMS) {\n"
+                         "    float s = 0.0f;\n"
+                         "    for (int dj = -1; dj <= 1; ++dj)\n"
+                         "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+                         "    return s;\n"
+                         "}\n"},
+    {"conemap_stored", "// The cone as the texture keeps it: 2^-20 narrower for all rounding, and rounded down.\n"
+                       "$FNfloat conemap_stored(int i, int j$SIZE_PARAMS) {\n"
+                       "    float s = conemap_slope(i, j$SIZE), tangent = $MAX_TAN;\n"
+                       "    if (s > 0.0f) tangent = min(tangent, 0.999999f / sqrt(s));\n"
+                       "?radius     float stored = (1.0f - conemap_texel(i, j$SIZE)) * tangent * 0.999999f;\n"
+                       "?sqrt     float stored = sqrt(tangent) * 0.999999f;\n"
+                       "?!radius,!sqrt     float stored = tangent;\n"
+                       "?unorm     float code = floor(min(stored, 1.0f) * $SCALE_MAX);\n"
+                       "?unorm     return (code / $SCALE_MAX > stored ? code - 1.0f : code) / $SCALE_MAX;\n"
+                       "?half     return max(stored * (1.0f - 1.0f / 1024.0f) - 6e-8f, 0.0f); // a half float is nearer than that\n"
+                       "?!unorm,!half     return stored;\n"
+                       "}\n"},
 };
 
 /* conemap_trace: a head, the loop of one tracer, a tail. The ray flies through the cell between texels (i, j) and
@@ -5273,6 +5356,16 @@ static void conemap__make_pieces(conemap__emitter *e) {
                                       : ", ivec2(cell_u >> k, cell_v >> k), k)",
                               ".r");
     }
+    if (f[conemap__flag_kernel]) {
+        conemap__append(conemap__piece_new(e, "KEPT", 0), size, f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME(i, j)"
+                                                                 : hlsl ? "$MAP_NAME.Load(int3(i, j, 0)).r"
+                                                                        : "texelFetch($MAP_NAME, ivec2(i, j), 0).r");
+        conemap__append(conemap__piece_new(e, "SLOPE", 0), size, f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME($I, $J)"
+                                                                 : hlsl ? "$MAP_NAME.Load(int3($I, $J, 0)).r"
+                                                                        : "texelFetch($MAP_NAME, ivec2($I, $J), 0).r");
+        conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
+        conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
+    }
     conemap__piece_set(e, "TEXEL_TYPE", 0, !cones || f[conemap__flag_cone_texel] ? "float" : "vec2");
     conemap__piece_set(e, "ANY_TEXTURE", 0, f[conemap__flag_uses_map] ? map : heights);
     conemap__piece_set(e, "LAYERS", 1, array ? ", layers" : "");
@@ -5281,7 +5374,7 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "VERSION", 1, versions[d->dialect]);
     conemap__piece_set(e, "TRACER", 1, tracers[d->trace.tracer]);
     conemap__piece_set(e, "PRECISION", 1, d->precision == CONEMAP_MEDIUMP ? "mediump" : "highp");
-    conemap__piece_set(e, "MAP_NAME", 1, conemap__resource_name(e, 0, d->map_name, "_map"));
+    conemap__piece_set(e, "MAP_NAME", 1, conemap__resource_name(e, 0, d->map_name, f[conemap__flag_kernel] ? "_state" : "_map"));
     conemap__piece_set(e, "HEIGHTS_NAME", 1, conemap__resource_name(e, 1, d->heights_name, "_heights"));
     conemap__piece_set(e, "MAXIMA_NAME", 1, conemap__resource_name(e, 2, d->maxima_name, "_maxima"));
     conemap__piece_set(e, "SAMPLER_NAME", 1, conemap__resource_name(e, 3, d->sampler_name, "_sampler"));
@@ -5375,6 +5468,205 @@ CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *
     if (!text) return CONEMAP_OK;
     if (capacity < needed) return CONEMAP_ERROR_BUFFER;
     return conemap__emit_once(desc, text, capacity, &needed);
+}
+
+/* ---- kernels ---- */
+
+static const char conemap__kernel_head[] =
+    "?version #version $VERSION\n"
+    "?ring // conemap.h: one batch of the ring search for cones.\n"
+    "?steepest // conemap.h: of each 3x3 block the narrowest cone.\n"
+    "?store // conemap.h: cones as the texture keeps them.\n"
+    "?uses_heights // $HEIGHTS_NAME: height in the first channel; only fetched\n"
+    "?!host_state // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?size_argument // size: the map's width and height in texels.\n"
+    "?c #include <math.h>\n"
+    "\n"
+    "?es precision $PRECISION float;\n"
+    "?es precision highp int;\n"
+    "?!host_state,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
+    "?!host_state,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
+    "?host float $FETCH_NAME(int i, int j);\n"
+    "?host_state float $FETCH_MAXIMA_NAME(int i, int j);\n"
+    "\n";
+
+static const char conemap__kernel_main[] =
+    "?ring,glsl,!vulkan uniform int conemap_first, conemap_last;\n"
+    "?ring,vulkan layout(push_constant) uniform conemap_arguments {\n"
+    "?ring,hlsl cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?ring,vulkan     int conemap_first, conemap_last;\n"
+    "?ring,hlsl     int conemap_first, conemap_last;\n"
+    "?ring,vulkan };\n"
+    "?ring,hlsl };\n"
+    "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
+    "?fragment,glsl,!located out vec4 conemap_color;\n"
+    "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
+    "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
+    "?compute,hlsl RWTexture2D<$OUT_TYPE> conemap_out$OUT_LAYOUT;\n"
+    "\n"
+    "?fragment,hlsl float4 main(float4 place : SV_Position) : SV_Target {\n"
+    "?compute,hlsl [numthreads(8, 8, 1)]\n"
+    "?compute,hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?glsl void main() {\n"
+    "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+    "?fragment,glsl     int i = int(gl_FragCoord.x), j = int(gl_FragCoord.y);\n"
+    "?fragment,hlsl     int i = int(place.x), j = int(place.y);\n"
+    "?compute,glsl     int i = int(gl_GlobalInvocationID.x), j = int(gl_GlobalInvocationID.y);\n"
+    "?compute,hlsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute     if (i >= $W || j >= $H) return;\n"
+    "?fragment,glsl     conemap_color = vec4($RESULT);\n"
+    "?fragment,hlsl     return vec4($RESULT);\n"
+    "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,hlsl     conemap_out[uint2(thread.xy)] = $RESULT_HLSL;\n"
+    "}\n";
+
+/* Sets the emitter up for a kernel: only the fields that matter are taken over from the desc. */
+static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap_shader_desc *desc, conemap_kernel kernel) {
+    conemap_shader_desc *d = &e->desc;
+    unsigned char *f = e->flags;
+    conemap_texture texture = desc->map.texture;
+    conemap_result result;
+    d->dialect = desc->dialect;
+    d->stage = desc->stage;
+    d->map = desc->map;
+    d->map.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+    d->map.texture.per_cell = 0;
+    d->map.texture.layout = CONEMAP_CONE_ONLY; /* heights in a texture of their own */
+    d->fixed_size = desc->fixed_size;
+    d->prefix = desc->prefix;
+    d->binding = desc->binding;
+    d->set = desc->set;
+    d->precision = desc->precision;
+    d->map_name = desc->map_name;
+    d->heights_name = desc->heights_name;
+    d->fetch = desc->fetch;
+    d->fetch_maxima = desc->fetch_maxima;
+    d->trace.tracer = CONEMAP_TRACE_LINEAR; /* which reads heights alone */
+    if (!CONEMAP__KNOWN(kernel, CONEMAP_KERNEL_COUNT)) return CONEMAP_ERROR_ENUM;
+    result = conemap__check_texture(&texture);
+    if (result == CONEMAP_OK) result = conemap__resolve_shader(e);
+    if (result != CONEMAP_OK) return result;
+    f[conemap__flag_kernel] = 1;
+    f[conemap__flag_linear] = 0;
+    f[conemap__flag_ring] = kernel == CONEMAP_KERNEL_RING;
+    f[conemap__flag_steepest] = kernel == CONEMAP_KERNEL_MIN3X3;
+    f[conemap__flag_store] = kernel == CONEMAP_KERNEL_STORE;
+    f[conemap__flag_sqrt] = texture.encoding == CONEMAP_SQRT;
+    f[conemap__flag_radius] = texture.encoding == CONEMAP_RADIUS;
+    f[conemap__flag_unorm] = texture.format == CONEMAP_UNORM16 || texture.format == CONEMAP_UNORM8;
+    f[conemap__flag_half] = texture.format == CONEMAP_F16;
+    f[conemap__flag_pair] = f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE;
+    f[conemap__flag_host_state] = d->fetch_maxima != NULL;
+    f[conemap__flag_uses_map] = !d->fetch_maxima;
+    f[conemap__flag_uses_heights] = !d->fetch && (f[conemap__flag_ring] || (f[conemap__flag_store] && (f[conemap__flag_radius] || (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS))));
+    f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || (f[conemap__flag_store] && f[conemap__flag_radius]));
+    if ((d->fetch == NULL) != (d->fetch_maxima == NULL) || (d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
+        (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
+        (f[conemap__flag_store] && f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE &&
+         (f[conemap__flag_pair] || texture.format != CONEMAP_F32))) /* ES 3.1 has no such images */
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if (!d->fixed_size && !d->fetch) f[conemap__flag_size_asked] = 1;
+    return CONEMAP_OK;
+}
+
+static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc, conemap_kernel kernel, char *text, size_t capacity,
+                                                size_t *size) {
+    static const char *const functions[CONEMAP_KERNEL_COUNT] = {"conemap_ring", "conemap_steepest", "conemap_stored"};
+    static const char *const calls[CONEMAP_KERNEL_COUNT] = {"conemap_ring(i, j, conemap_first, conemap_last$SIZE)",
+                                                            "conemap_steepest(i, j$SIZE)", "conemap_stored(i, j$SIZE)"};
+    static const char *const formats[CONEMAP_FORMAT_COUNT][2] = {{"r32f", "rg32f"}, {"r16f", "rg16f"}, {"r16", "rg16"}, {"r8", "rg8"}};
+    conemap__emitter e;
+    conemap_result result;
+    char *out;
+    int binding, pair;
+    memset(&e, 0, sizeof e);
+    e.text = text;
+    e.capacity = capacity;
+    result = conemap__resolve_kernel(&e, desc, kernel);
+    if (result != CONEMAP_OK) return result;
+    conemap__make_pieces(&e);
+    pair = e.flags[conemap__flag_pair];
+    binding = e.desc.binding + 1 + e.flags[conemap__flag_uses_heights];
+    conemap__piece_set(&e, "OUT_FORMAT", 1, formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][pair]);
+    conemap__piece_set(&e, "OUT_TYPE", 1, pair ? (e.flags[conemap__flag_unorm] ? "unorm float2" : "float2")
+                                          : kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm] ? "unorm float" : "float");
+    conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b', e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
+    out = conemap__piece_new(&e, "RESULT", 0);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
+    conemap__append(out, CONEMAP__PIECE_SIZE, pair ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
+    out = conemap__piece_new(&e, "RESULT_HLSL", 0);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "vec2(conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, ")");
+    conemap__lines(&e, conemap__kernel_head, 0);
+    conemap__lines(&e, conemap__kernel_head, 1);
+    conemap__snippet_named(&e, functions[kernel], strlen(functions[kernel]));
+    if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
+        conemap__lines(&e, conemap__kernel_main, 1);
+        conemap__lines(&e, conemap__kernel_main, 0);
+    }
+    if (e.clash) return CONEMAP_ERROR_PARAMETER;
+    *size = e.size + 1;
+    if (text && e.size < capacity) text[e.size] = 0;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
+                                                size_t capacity, size_t *size) {
+    size_t needed = 0;
+    conemap_result result;
+    if (!desc || (!text && !size)) return CONEMAP_ERROR_NULL;
+    result = conemap__emit_kernel_once(desc, kernel, NULL, 0, &needed);
+    if (result != CONEMAP_OK) return result;
+    if (size) *size = needed;
+    if (!text) return CONEMAP_OK;
+    if (capacity < needed) return CONEMAP_ERROR_BUFFER;
+    return conemap__emit_kernel_once(desc, kernel, text, capacity, &needed);
+}
+
+CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes,
+                                               int capacity, int *count) {
+    int first = 1, made = 0, write, reach, w, h;
+    if (!desc || !count) return CONEMAP_ERROR_NULL;
+    w = desc->map.width;
+    h = desc->map.height;
+    if (w < 1 || h < 1 || w > CONEMAP_MAX_SIZE || h > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
+    if (batch < 0) return CONEMAP_ERROR_PARAMETER;
+    if (batch == 0) batch = 4096;
+    reach = conemap__maxi(1, conemap__maxi(w, h) - 1); /* with wrap that is farther than the nearest image of any texel */
+    for (write = 0; write < 2; ++write) { /* first count them */
+        int steps;
+        if (write && (!passes || capacity < made)) break;
+        for (first = 1, steps = 0; first <= reach + 2; ++steps) {
+            conemap_gpu_pass pass;
+            int last = first;
+            memset(&pass, 0, sizeof pass);
+            while (last < reach && (int64_t)4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch) ++last;
+            pass.kernel = first <= reach       ? CONEMAP_KERNEL_RING
+                          : first == reach + 1 ? CONEMAP_KERNEL_MIN3X3
+                                               : CONEMAP_KERNEL_STORE;
+            if (pass.kernel == CONEMAP_KERNEL_RING) {
+                pass.first = first;
+                pass.last = last;
+            }
+            first = pass.kernel == CONEMAP_KERNEL_RING ? last + 1 : first + 1;
+            if (pass.kernel == CONEMAP_KERNEL_MIN3X3 && !desc->map.min3x3) {
+                --steps;
+                continue;
+            }
+            pass.reads = steps & 1;
+            pass.writes = pass.kernel == CONEMAP_KERNEL_STORE ? 2 : 1 - pass.reads;
+            pass.groups_x = (w + 7) / 8;
+            pass.groups_y = (h + 7) / 8;
+            if (write) passes[steps] = pass;
+        }
+        made = steps;
+    }
+    *count = made;
+    return passes && capacity < made ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
 }
 
 /* How many levels a square of 2^n has that holds all cells. */

@@ -85,6 +85,35 @@ FETCH_HEIGHTS(maxmip)
 FETCH_HEIGHTS(qdm)
 FETCH_MAXIMA(maxmip)
 FETCH_MAXIMA(qdm)
+
+/* ---- the kernels, run as C pass by pass ---- */
+
+#include "golden/kernel_ring_c.h"
+#include "golden/kernel_min_c.h"
+#include "golden/kernel_store_c.h"
+
+static struct {
+    int width, height;
+    const float *heights;
+    float *state; /* the copy that is read */
+} grid;
+
+static float grid_height(int i, int j)
+{
+    return CHECK(i >= 0 && j >= 0 && i < grid.width && j < grid.height, "height %d %d", i, j) ? grid.heights[j * grid.width + i] : 0.0f;
+}
+
+static float grid_state(int i, int j)
+{
+    return CHECK(i >= 0 && j >= 0 && i < grid.width && j < grid.height, "state %d %d", i, j) ? grid.state[j * grid.width + i] : 0.0f;
+}
+
+float kring_fetch(int i, int j) { return grid_height(i, j); }
+float kstore_fetch(int i, int j) { return grid_height(i, j); }
+float kring_state(int i, int j) { return grid_state(i, j); }
+float kmin_state(int i, int j) { return grid_state(i, j); }
+float kstore_state(int i, int j) { return grid_state(i, j); }
+
 #define EXTRA
 RUN(exact)
 RUN(back)
@@ -102,6 +131,7 @@ struct golden {
     conemap_shader_desc desc;
     struct shader_hit (*run)(const conemap_ray *ray); /* null: text only */
     conemap_generator generator;
+    int kernel; /* -1: a tracer */
 };
 
 static struct golden goldens[16];
@@ -114,6 +144,7 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
     struct golden *g = &goldens[golden_count];
     memset(g, 0, sizeof *g);
     g->file = file;
+    g->kernel = -1;
     g->run = run;
     g->desc.trace.tracer = tracer;
     if (run) {
@@ -132,6 +163,7 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
 static void golden_table(void)
 {
     conemap_shader_desc *d;
+    int k;
     golden_count = 0;
     d = golden_new("exact_c.h", "exact", CONEMAP_TRACE_EXACT, exact_run);
     d = golden_new("back_c.h", "back", CONEMAP_TRACE_EXACT, back_run);
@@ -163,19 +195,39 @@ static void golden_table(void)
     d->dialect = CONEMAP_HLSL_50;
     d->map.wrap_u = CONEMAP_WRAP;
     d->array = 1;
+    for (k = 0; k < 3; ++k) {
+        static const char *const kernels[3][4] = {{"kernel_ring_c.h", "kring", "kring_fetch", "kring_state"},
+                                                  {"kernel_min_c.h", "kmin", "kmin_fetch", "kmin_state"},
+                                                  {"kernel_store_c.h", "kstore", "kstore_fetch", "kstore_state"}};
+        d = golden_new(kernels[k][0], NULL, CONEMAP_TRACE_DEFAULT, NULL);
+        goldens[golden_count - 1].kernel = k;
+        d->dialect = CONEMAP_C99;
+        d->prefix = kernels[k][1];
+        d->fetch = kernels[k][2];
+        d->fetch_maxima = kernels[k][3];
+        d->map.wrap_v = CONEMAP_WRAP;
+        d->map.aspect = 0.75f;
+        d->map.texture.format = CONEMAP_UNORM16;
+        d->map.texture.encoding = CONEMAP_RADIUS;
+    }
+}
+
+static char *emit_any(const conemap_shader_desc *desc, int kernel)
+{
+    size_t size = 0;
+    char *text;
+    conemap_result result = kernel < 0 ? conemap_emit(desc, NULL, 0, &size) : conemap_emit_kernel(desc, (conemap_kernel)kernel, NULL, 0, &size);
+    if (!CHECK(result == CONEMAP_OK && size > 100, "emit: %s", conemap_result_string(result))) return NULL;
+    text = (char *)test_alloc(size);
+    result = kernel < 0 ? conemap_emit(desc, text, size, NULL) : conemap_emit_kernel(desc, (conemap_kernel)kernel, text, size, NULL);
+    CHECK(result == CONEMAP_OK && strlen(text) + 1 == size, "emit: %s, %d of %d", conemap_result_string(result),
+          (int)strlen(text), (int)size);
+    return text;
 }
 
 static char *emit(const conemap_shader_desc *desc)
 {
-    size_t size = 0;
-    char *text;
-    conemap_result result = conemap_emit(desc, NULL, 0, &size);
-    if (!CHECK(result == CONEMAP_OK && size > 100, "emit: %s", conemap_result_string(result))) return NULL;
-    text = (char *)test_alloc(size);
-    result = conemap_emit(desc, text, size, NULL);
-    CHECK(result == CONEMAP_OK && strlen(text) + 1 == size, "emit: %s, %d of %d", conemap_result_string(result),
-          (int)strlen(text), (int)size);
-    return text;
+    return emit_any(desc, -1);
 }
 
 /* The golden files hold what the emitter writes now, so what runs below is the emitter's text. */
@@ -184,7 +236,7 @@ static void golden_files(void)
     int k;
     golden_table();
     for (k = 0; k < golden_count; ++k) {
-        char path[64], *text = emit(&goldens[k].desc), *file;
+        char path[64], *text = emit_any(&goldens[k].desc, goldens[k].kernel), *file;
         size_t size, length;
         FILE *stream;
         if (!text) return;
@@ -288,6 +340,94 @@ static void runs_as_c(void)
         all.strict_misses += counts.strict_misses;
     }
     test_note("%d rays in emitted C, %d on edges", all.rays, all.different);
+}
+
+/* The passes, each texel in turn, against the CPU's ring search: never wider, and narrower by rounding only. */
+static void kernels_as_c(void)
+{
+    static const int sizes[][2] = {{1, 1}, {1, 7}, {2, 2}, {17, 13}, {24, 31}};
+    static float heights[24 * 31], states[2][24 * 31], cones[24 * 31];
+    int kind, size, min3x3, k, i, j, compared = 0;
+    for (min3x3 = 0; min3x3 < 2; ++min3x3)
+        for (kind = 0; kind < ZOO_KINDS; ++kind)
+            for (size = 0; size < (int)(sizeof sizes / sizeof sizes[0]); ++size) {
+                const int w = sizes[size][0], h = sizes[size][1], batch = size == 3 ? 1 : size == 4 ? 300 : 0;
+                conemap_desc desc;
+                conemap_shader_desc shader;
+                conemap_map map;
+                conemap_gpu_pass passes[64];
+                int count = 0;
+                memset(&desc, 0, sizeof desc);
+                memset(&shader, 0, sizeof shader);
+                zoo_fill(kind, w, h, 31, heights);
+                desc.heights.pixels = heights;
+                desc.heights.width = w;
+                desc.heights.height = h;
+                desc.wrap_v = CONEMAP_WRAP;
+                desc.aspect = 0.75f;
+                desc.generator = CONEMAP_RING;
+                desc.min3x3 = min3x3;
+                desc.texture.format = CONEMAP_UNORM16;
+                desc.texture.encoding = CONEMAP_RADIUS;
+                if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s", zoo_name(kind))) return;
+                shader.map = map.info;
+                CHECK(conemap_gpu_passes(&shader, batch, NULL, 0, &count) == CONEMAP_OK && count >= 2 + min3x3 && count <= 64, "%d passes", count);
+                passes[count - 1].kernel = CONEMAP_KERNEL_COUNT;
+                CHECK(conemap_gpu_passes(&shader, batch, passes, count - 1, &count) == CONEMAP_ERROR_BUFFER && passes[count - 1].kernel == CONEMAP_KERNEL_COUNT,
+                      "too few passes");
+                if (!CHECK(conemap_gpu_passes(&shader, batch, passes, 64, &count) == CONEMAP_OK, "passes")) return;
+                grid.width = w;
+                grid.height = h;
+                grid.heights = map.heights;
+                memset(states, 0, sizeof states);
+                for (k = 0; k < count; ++k) {
+                    float *out = passes[k].writes == 2 ? cones : states[passes[k].writes];
+                    CHECK(passes[k].reads != passes[k].writes && (passes[k].writes == 2) == (k == count - 1), "pass %d", k);
+                    CHECK(passes[k].groups_x * 8 >= w && passes[k].groups_y * 8 >= h, "pass %d: groups", k);
+                    grid.state = states[passes[k].reads];
+                    for (j = 0; j < h; ++j)
+                        for (i = 0; i < w; ++i) {
+                            kring_ivec2 a = {w, h};
+                            kmin_ivec2 b = {w, h};
+                            kstore_ivec2 c = {w, h};
+                            out[j * w + i] = passes[k].kernel == CONEMAP_KERNEL_RING      ? kring_ring(i, j, passes[k].first, passes[k].last, a)
+                                             : passes[k].kernel == CONEMAP_KERNEL_MIN3X3 ? kmin_steepest(i, j, b)
+                                                                                         : kstore_stored(i, j, c);
+                        }
+                }
+                for (k = 0; k < w * h; ++k) {
+                    const float right = map.cones[k];
+                    CHECK(cones[k] <= right && cones[k] >= right - 2.0f / 65535.0f, "%s %dx%d min %d texel %d: %.9g, right %.9g", zoo_name(kind), w, h, min3x3, k,
+                          (double)cones[k], (double)right);
+                    ++compared;
+                }
+                conemap_free(&map);
+            }
+    test_note("%d cones by kernels", compared);
+}
+
+static void bad_kernels(void)
+{
+    conemap_shader_desc d;
+    conemap_gpu_pass pass;
+    size_t size = 5;
+    int count = 7;
+    memset(&d, 0, sizeof d);
+    CHECK(conemap_emit_kernel(NULL, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_NULL, "null desc");
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, NULL) == CONEMAP_ERROR_NULL, "nothing to write to");
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_COUNT, NULL, 0, &size) == CONEMAP_ERROR_ENUM, "kernel");
+    d.stage = CONEMAP_STAGE_COMPUTE;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "compute in GLSL 330");
+    d.dialect = CONEMAP_ESSL_310;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "two channels in ES");
+    d.stage = CONEMAP_STAGE_FRAGMENT;
+    d.map.texture.layout = CONEMAP_DUMMER;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "slopes");
+    CHECK(size == 5, "a size was written");
+    CHECK(conemap_gpu_passes(NULL, 0, &pass, 1, &count) == CONEMAP_ERROR_NULL, "null desc");
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_SIZE, "no size");
+    d.map.width = d.map.height = 4;
+    CHECK(conemap_gpu_passes(&d, -1, &pass, 1, &count) == CONEMAP_ERROR_PARAMETER && count == 7, "batch");
 }
 
 /* ---- what is refused, and sizes ---- */
@@ -531,6 +671,8 @@ static void numbers(void)
 }
 
 const struct test_case emit_tests[] = {
+    {"kernels as C", kernels_as_c},
+    {"bad kernels", bad_kernels},
     {"bad input", bad_input},
     {"sizes and truncation", sizes_and_truncation},
     {"texts", texts},

@@ -200,6 +200,44 @@ static void variant(conemap_dialect dialect, const int *choice)
     }
 }
 
+/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size. */
+static void kernels(conemap_dialect dialect)
+{
+    int k;
+    for (k = 0; dialect != CONEMAP_C99 && k < 3 * 2 * 4 * 3 * 2 * 4 * 2 * 2; ++k) {
+        conemap_shader_desc desc;
+        const int named = k % 2, kernel = k / 2 % 3, compute = k / 6 % 2;
+        char path[600];
+        FILE *file;
+        memset(&desc, 0, sizeof desc);
+        desc.dialect = dialect;
+        desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
+        desc.map.texture.format = (conemap_format)(k / 12 % 4);
+        desc.map.texture.encoding = (conemap_encoding)(k / 48 % 3);
+        desc.map.texture.layout = (conemap_layout)(k / 144 % 2);
+        desc.map.wrap_u = k / 288 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = k / 576 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = k / 1152 % 2;
+        desc.map.width = desc.map.height = 64;
+        if (named) {
+            desc.prefix = "relief";
+            desc.binding = dialect == CONEMAP_GLSL_330 || dialect == CONEMAP_ESSL_300 ? 0 : 2;
+        }
+        if (conemap_emit_kernel(&desc, (conemap_kernel)kernel, whole, sizeof whole, NULL) != CONEMAP_OK) {
+            ++refused;
+            continue;
+        }
+        if (known(whole)) {
+            ++equal;
+            continue;
+        }
+        sprintf(path, "%s/%05d_%s.%s", folder, written++, compute ? "compute" : "fragment",
+                dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl" : compute ? "comp" : "frag");
+        file = fopen(path, "wb");
+        if (!file || fputs(whole, file) < 0 || fclose(file) != 0) exit(1);
+    }
+}
+
 int main(int argument_count, char **arguments)
 {
     int choice[OPTIONS], dialect = 0, a, b, x, y, k, sample = argument_count > 3 ? atoi(arguments[3]) : 300;
@@ -225,6 +263,7 @@ int main(int argument_count, char **arguments)
         variant((conemap_dialect)dialect, choice);
         sample -= written > before;
     }
+    kernels((conemap_dialect)dialect);
     printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
