@@ -688,12 +688,16 @@ CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int leve
 /* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them. Every
    pass reads textures and writes one value for each texel of the map, so it can be a compute dispatch or, for WebGL 2 and
    ES 3.0, a full-screen draw (the viewport is the map's size). The state is a one-channel f32 texture, in two copies that
-   passes read and write by turns; before the first pass the one that it reads holds 0. What comes out are vertex cones as
-   CONEMAP_RING makes them, to within float rounding and never wider: CONEMAP_GUARANTEE_VERTEX. */
+   passes read and write by turns; before the first pass the one that it reads holds 0. With desc->map.guarantee VERTEX
+   what comes out are vertex cones as CONEMAP_RING makes them, to within float rounding and never wider; else, with the
+   SAFE pass, cones with CONEMAP_GUARANTEE_BILINEAR. */
 typedef enum conemap_kernel {
     CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
                                 and the state, writes the state */
     CONEMAP_KERNEL_MIN3X3,   /* of each 3x3 block the narrowest cone [BV24 eq. 2]: state to state */
+    CONEMAP_KERNEL_SAFE,     /* vertex cones made safe for the bilinear surface, at once and not tightly: they become
+                                narrower by up to 1 / sqrt(2) on square texels, more on long ones, where CONEMAP_EXACT's
+                                bounds lose a few percent: needs the heights and the state, writes the state */
     CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down. Not DUMMER */
     CONEMAP_KERNEL_COUNT
 } conemap_kernel;
@@ -711,12 +715,14 @@ typedef struct conemap_gpu_pass {
    and, for the state, fetch_maxima, both `float NAME(int i, int j)`; other fields are ignored. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
+       float conemap_safe(int i, int j[, ivec2 size])
        float conemap_stored(int i, int j[, ivec2 size])     the cone channel; conemap_texel(i, j[, size]) is the height
    Otherwise as conemap_emit. */
 CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
                                                size_t capacity, size_t *size);
 
-/* The passes that make a map of desc->map.width x height, min3x3 among them if desc->map.min3x3 is set. batch: texels that
+/* The passes that make a map of desc->map.width x height: MIN3X3 among them if desc->map.min3x3 is set, SAFE unless
+   desc->map.guarantee is VERTEX. batch: texels that
    one invocation looks at in a pass, so that no dispatch runs long; 0: 4096. passes: null asks for the count alone. Errors:
    NULL, SIZE, PARAMETER (batch below 0), BUFFER (capacity below the count; nothing is written). */
 CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
@@ -4245,7 +4251,7 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
     X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart) X(debug) X(cone_texel)        \
     X(fragment) X(compute) X(located) X(es_310) X(uses_map) X(uses_heights) X(uses_maxima) X(sampler)            \
     X(arguments) X(discards) X(host_maxima) X(mediump) X(external) X(version) X(solves) X(kernel)\
-    X(ring) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
+    X(ring) X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -4408,6 +4414,23 @@ static const conemap__snippet conemap__snippets[] = {
                          "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
                          "    return s;\n"
                          "}\n"},
+    {"conemap_safe",
+     "// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear surface: what\n"
+     "// vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the gradient.\n"
+     "$FNfloat conemap_safe(int i, int j$SIZE_PARAMS) {\n"
+     "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b), s = 0.0f, gradient = 0.0f;\n"
+     "    for (int dj = -1; dj <= 1; ++dj)\n"
+     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+     "    for (int cj = j - 2; cj <= j + 1; ++cj) {\n"
+     "        for (int ci = i - 2; ci <= i + 1; ++ci) {\n"
+     "            float h00 = conemap_texel(ci, cj$SIZE), h10 = conemap_texel(ci + 1, cj$SIZE);\n"
+     "            float h01 = conemap_texel(ci, cj + 1$SIZE), h11 = conemap_texel(ci + 1, cj + 1$SIZE);\n"
+     "            float x = max(abs(h10 - h00), abs(h11 - h01)) / a, y = max(abs(h01 - h00), abs(h11 - h10)) / b;\n"
+     "            gradient = max(gradient, x * x + y * y);\n"
+     "        }\n"
+     "    }\n"
+     "    return 1.0001f * max(gradient, s * (1.0f + 0.5f * (a * a + b * b) / (shorter * shorter))); // 1.0001: rounding\n"
+     "}\n"},
     {"conemap_stored", "// The cone as the texture keeps it: 2^-20 narrower for all rounding, and rounded down.\n"
                        "$FNfloat conemap_stored(int i, int j$SIZE_PARAMS) {\n"
                        "    float s = conemap_slope(i, j$SIZE), tangent = $MAX_TAN;\n"
@@ -5476,6 +5499,7 @@ static const char conemap__kernel_head[] =
     "?version #version $VERSION\n"
     "?ring // conemap.h: one batch of the ring search for cones.\n"
     "?steepest // conemap.h: of each 3x3 block the narrowest cone.\n"
+    "?safe // conemap.h: cones made safe for the bilinear surface.\n"
     "?store // conemap.h: cones as the texture keeps them.\n"
     "?uses_heights // $HEIGHTS_NAME: height in the first channel; only fetched\n"
     "?!host_state // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
@@ -5552,6 +5576,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_linear] = 0;
     f[conemap__flag_ring] = kernel == CONEMAP_KERNEL_RING;
     f[conemap__flag_steepest] = kernel == CONEMAP_KERNEL_MIN3X3;
+    f[conemap__flag_safe] = kernel == CONEMAP_KERNEL_SAFE;
     f[conemap__flag_store] = kernel == CONEMAP_KERNEL_STORE;
     f[conemap__flag_sqrt] = texture.encoding == CONEMAP_SQRT;
     f[conemap__flag_radius] = texture.encoding == CONEMAP_RADIUS;
@@ -5560,8 +5585,8 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_pair] = f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE;
     f[conemap__flag_host_state] = d->fetch_maxima != NULL;
     f[conemap__flag_uses_map] = !d->fetch_maxima;
-    f[conemap__flag_uses_heights] = !d->fetch && (f[conemap__flag_ring] || (f[conemap__flag_store] && (f[conemap__flag_radius] || (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS))));
-    f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || (f[conemap__flag_store] && f[conemap__flag_radius]));
+    f[conemap__flag_uses_heights] = !d->fetch && (f[conemap__flag_ring] || f[conemap__flag_safe] || (f[conemap__flag_store] && (f[conemap__flag_radius] || (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS))));
+    f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || f[conemap__flag_safe] || (f[conemap__flag_store] && f[conemap__flag_radius]));
     if ((d->fetch == NULL) != (d->fetch_maxima == NULL) || (d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
         (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
         (f[conemap__flag_store] && f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE &&
@@ -5573,9 +5598,9 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
 
 static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc, conemap_kernel kernel, char *text, size_t capacity,
                                                 size_t *size) {
-    static const char *const functions[CONEMAP_KERNEL_COUNT] = {"conemap_ring", "conemap_steepest", "conemap_stored"};
+    static const char *const functions[CONEMAP_KERNEL_COUNT] = {"conemap_ring", "conemap_steepest", "conemap_safe", "conemap_stored"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {"conemap_ring(i, j, conemap_first, conemap_last$SIZE)",
-                                                            "conemap_steepest(i, j$SIZE)", "conemap_stored(i, j$SIZE)"};
+                                                            "conemap_steepest(i, j$SIZE)", "conemap_safe(i, j$SIZE)", "conemap_stored(i, j$SIZE)"};
     static const char *const formats[CONEMAP_FORMAT_COUNT][2] = {{"r32f", "rg32f"}, {"r16f", "rg16f"}, {"r16", "rg16"}, {"r8", "rg8"}};
     conemap__emitter e;
     conemap_result result;
@@ -5640,20 +5665,22 @@ CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, 
     for (write = 0; write < 2; ++write) { /* first count them */
         int steps;
         if (write && (!passes || capacity < made)) break;
-        for (first = 1, steps = 0; first <= reach + 2; ++steps) {
+        for (first = 1, steps = 0; first <= reach + 3; ++steps) {
             conemap_gpu_pass pass;
             int last = first;
             memset(&pass, 0, sizeof pass);
             while (last < reach && (int64_t)4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch) ++last;
             pass.kernel = first <= reach       ? CONEMAP_KERNEL_RING
                           : first == reach + 1 ? CONEMAP_KERNEL_MIN3X3
+                          : first == reach + 2 ? CONEMAP_KERNEL_SAFE
                                                : CONEMAP_KERNEL_STORE;
             if (pass.kernel == CONEMAP_KERNEL_RING) {
                 pass.first = first;
                 pass.last = last;
             }
             first = pass.kernel == CONEMAP_KERNEL_RING ? last + 1 : first + 1;
-            if (pass.kernel == CONEMAP_KERNEL_MIN3X3 && !desc->map.min3x3) {
+            if ((pass.kernel == CONEMAP_KERNEL_MIN3X3 && !desc->map.min3x3) ||
+                (pass.kernel == CONEMAP_KERNEL_SAFE && desc->map.guarantee == CONEMAP_GUARANTEE_VERTEX)) {
                 --steps;
                 continue;
             }

@@ -34,7 +34,8 @@
     X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv) X(GENTEXTURES, GenTextures) X(BINDTEXTURE, BindTexture) X(TEXIMAGE2D, TexImage2D) \
     X(TEXPARAMETERI, TexParameteri) X(PIXELSTOREI, PixelStorei) X(DELETETEXTURES, DeleteTextures) X(VIEWPORT, Viewport) \
     X(DRAWARRAYS, DrawArrays) X(READPIXELS, ReadPixels) X(READBUFFER, ReadBuffer) X(GETERROR, GetError) X(ENABLE, Enable) \
-    X(TEXSUBIMAGE2D, TexSubImage2D) X(PFNGLDELETEBUFFERSPROC, DeleteBuffers)
+    X(TEXSUBIMAGE2D, TexSubImage2D) X(PFNGLDELETEBUFFERSPROC, DeleteBuffers) \
+    X(PFNGLBINDIMAGETEXTUREPROC, BindImageTexture) X(PFNGLTEXSTORAGE2DPROC, TexStorage2D)
 typedef void(APIENTRYP GENTEXTURES)(GLsizei, GLuint *);
 typedef void(APIENTRYP BINDTEXTURE)(GLenum, GLuint);
 typedef void(APIENTRYP TEXIMAGE2D)(GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void *);
@@ -475,6 +476,117 @@ static struct run fresh(const char *format, ...)
     return r;
 }
 
+/* A texture that can be an image too: ES wants those immutable. */
+static GLuint storage(int width, int height, GLenum internal, GLenum format, const void *pixels)
+{
+    GLuint name;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D, name);
+    gl.TexStorage2D(GL_TEXTURE_2D, 1, internal, width, height);
+    if (pixels) gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_FLOAT, pixels);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return name;
+}
+
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's. */
+static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, conemap_wrap wrap)
+{
+    static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
+    static float heights[40 * 28], zero[40 * 28];
+    static float back[40 * 28 * 4];
+    const int w = 40, h = 28, es = dialect >= CONEMAP_ESSL_300, compute = stage == CONEMAP_STAGE_COMPUTE;
+    char text[8000], vertex[400];
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source;
+    int kind, k, pass, compared = 0, wide = 0, narrow = 0, dispatches = 0;
+    conemap_shader_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.dialect = dialect;
+    desc.stage = stage;
+    desc.map.wrap_u = wrap;
+    desc.map.aspect = 0.6f;
+    desc.map.min3x3 = min3x3;
+    desc.map.guarantee = CONEMAP_GUARANTEE_VERTEX;
+    desc.map.width = w;
+    desc.map.height = h;
+    if (es) desc.map.texture.layout = CONEMAP_CONE_ONLY;
+    context(es);
+    sprintf(vertex, "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
+            versions[dialect]);
+    for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
+        if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
+            fail("kernel %d in dialect %d", k, (int)dialect);
+            return;
+        }
+        programs[k] = compute ? program(shader(GL_COMPUTE_SHADER, text), 0) : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
+    }
+    gl.GenFramebuffers(1, &frame);
+    gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
+    gl.Viewport(0, 0, w, h);
+    for (kind = 0; kind < ZOO_KINDS; ++kind) {
+        conemap_desc build_desc;
+        conemap_map map;
+        conemap_gpu_pass passes[64];
+        int count = 0;
+        memset(&build_desc, 0, sizeof build_desc);
+        zoo_fill(kind, w, h, 3, heights);
+        build_desc.heights.pixels = heights;
+        build_desc.heights.width = w;
+        build_desc.heights.height = h;
+        build_desc.wrap_u = wrap;
+        build_desc.aspect = 0.6f;
+        build_desc.min3x3 = min3x3;
+        build_desc.generator = CONEMAP_RING;
+        if (conemap_build(&build_desc, &map) != CONEMAP_OK || conemap_gpu_passes(&desc, 900, passes, 64, &count) != CONEMAP_OK) {
+            fail("kernels: no map or no passes");
+            return;
+        }
+        source = storage(w, h, GL_R32F, GL_RED, heights);
+        for (k = 0; k < 2; ++k) states[k] = storage(w, h, GL_R32F, GL_RED, zero);
+        out = es ? storage(w, h, GL_R32F, GL_RED, NULL) : storage(w, h, GL_RG32F, GL_RG, NULL);
+        for (pass = 0; pass < count; ++pass) {
+            const GLuint p = programs[passes[pass].kernel], target = passes[pass].writes == 2 ? out : states[passes[pass].writes];
+            gl.UseProgram(p);
+            gl.ActiveTexture(GL_TEXTURE0);
+            gl.BindTexture(GL_TEXTURE_2D, states[passes[pass].reads]);
+            gl.ActiveTexture(GL_TEXTURE1);
+            gl.BindTexture(GL_TEXTURE_2D, source);
+            uniform_i(p, "conemap_state", 0);
+            uniform_i(p, "conemap_heights", 1);
+            uniform_i(p, "conemap_first", passes[pass].first);
+            uniform_i(p, "conemap_last", passes[pass].last);
+            if (compute) {
+                const int unit = passes[pass].kernel == CONEMAP_KERNEL_MIN3X3 ? 1 : !es || passes[pass].kernel == CONEMAP_KERNEL_RING ? 2 : 1;
+                gl.BindImageTexture((GLuint)unit, target, 0, GL_FALSE, 0, GL_WRITE_ONLY, passes[pass].writes == 2 && !es ? GL_RG32F : GL_R32F);
+                gl.DispatchCompute((GLuint)passes[pass].groups_x, (GLuint)passes[pass].groups_y, 1);
+                gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
+            } else {
+                gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, 0);
+                gl.DrawArrays(GL_TRIANGLES, 0, 3);
+            }
+            ++dispatches;
+        }
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
+        gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+        gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
+        for (k = 0; k < w * h; ++k) {
+            const float cone = back[4 * k + (es ? 0 : 1)];
+            ++compared;
+            wide += cone > map.cones[k];
+            narrow += cone < map.cones[k] * (1.0f - 1e-5f);
+            if (!es && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
+        }
+        gl.DeleteTextures(2, states);
+        gl.DeleteTextures(1, &source);
+        gl.DeleteTextures(1, &out);
+        conemap_free(&map);
+    }
+    if (gl.GetError() != 0) fail("kernels: a GL error");
+    printf("kernels, dialect %d, %s, wrap %d%s: %d cones in %d passes, %d wider than the CPU's, %d narrower by more than 1e-5\n", (int)dialect,
+           compute ? "compute" : "fragment", (int)wrap, min3x3 ? ", 3x3" : "", compared, dispatches, wide, narrow);
+    if (wide || narrow) fail("kernels: cones differ");
+}
+
 int main(void)
 {
     static const char *const tracers[] = {"", "exact", "linear", "fixed", "loop", "exact-step", "cell-max", "maxmip", "qdm"};
@@ -591,6 +703,11 @@ int main(void)
         r.count_only = 1;
         if (k != CONEMAP_TRACE_LINEAR) run(&r);
     }
+    for (k = 0; k < 5; ++k)
+        for (m = 1; m < 3; ++m)
+            for (n = 0; n < 2; ++n)
+                if (m == CONEMAP_STAGE_FRAGMENT || (all[k] != CONEMAP_GLSL_330 && all[k] != CONEMAP_ESSL_300))
+                    make_maps(all[k], (conemap_stage)m, n, n ? CONEMAP_WRAP : CONEMAP_CLAMP);
     printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single precision\n", runs_done, total.rays,
            total.different, total.strict_misses, total.misses);
     return failures != 0;

@@ -204,20 +204,20 @@ static void variant(conemap_dialect dialect, const int *choice)
 static void kernels(conemap_dialect dialect)
 {
     int k;
-    for (k = 0; dialect != CONEMAP_C99 && k < 3 * 2 * 4 * 3 * 2 * 4 * 2 * 2; ++k) {
+    for (k = 0; dialect != CONEMAP_C99 && k < 4 * 2 * 2 * 4 * 3 * 2 * 4 * 2; ++k) {
         conemap_shader_desc desc;
-        const int named = k % 2, kernel = k / 2 % 3, compute = k / 6 % 2;
+        const int named = k % 2, kernel = k / 2 % 4, compute = k / 8 % 2;
         char path[600];
         FILE *file;
         memset(&desc, 0, sizeof desc);
         desc.dialect = dialect;
         desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
-        desc.map.texture.format = (conemap_format)(k / 12 % 4);
-        desc.map.texture.encoding = (conemap_encoding)(k / 48 % 3);
-        desc.map.texture.layout = (conemap_layout)(k / 144 % 2);
-        desc.map.wrap_u = k / 288 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
-        desc.map.wrap_v = k / 576 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
-        desc.fixed_size = k / 1152 % 2;
+        desc.map.texture.format = (conemap_format)(k / 16 % 4);
+        desc.map.texture.encoding = (conemap_encoding)(k / 64 % 3);
+        desc.map.texture.layout = (conemap_layout)(k / 192 % 2);
+        desc.map.wrap_u = k / 384 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = k / 768 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = k / 1536 % 2;
         desc.map.width = desc.map.height = 64;
         if (named) {
             desc.prefix = "relief";
