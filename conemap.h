@@ -614,7 +614,9 @@ typedef enum conemap_dialect {
 
 typedef enum conemap_stage {
     CONEMAP_STAGE_FUNCTIONS = 0, /* declarations and functions, to paste behind the host's own #version */
-    CONEMAP_STAGE_FRAGMENT,      /* a whole fragment shader: rays from varyings, (u, v, z, t) to the first target */
+    CONEMAP_STAGE_FRAGMENT,      /* a whole fragment shader: rays from varyings, (u, v, z, t) to the first target, with
+                                    steps or status these to the second; what hits nothing is discarded, unless
+                                    status is asked for */
     CONEMAP_STAGE_COMPUTE,       /* a whole compute shader, 64 rays a group: two float4 a ray in (origin, t_min;
                                     direction, t_max), a float4 (u, v, z, t, or t = -1) out, and with steps or status a
                                     second (steps, status). Not GLSL 330 and ES 300 */
