@@ -717,8 +717,10 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
        rounding moves the ray: its place is kept as a whole cell and a fraction, so it drifts from the true ray by no
        more than 2^-24 of the way it came in one step, and by half a bit of a fraction for each step. Origins beside the
        map and directions of sensible length (1e-3..1e3) keep their bits.
-     - the others promise what they promise on the CPU, with FETCH and GATHER. With HARDWARE they see the surface that the
-       texture unit shows, in steps of 1/256 texel; how many pixels change is counted by `make check`.
+     - the others promise what they promise on the CPU, with FETCH and GATHER. With HARDWARE they see the surface that
+       the texture unit shows, in steps of 1/256 texel: 0.2 % of the pixels of the test maps change by more than 1/16
+       texel (`make check` counts them).
+   hit.t is added up step by step, so it rounds off by half a bit a step; hit.position does not.
    A map without the bilinear guarantee makes EXACT go back where a cone ended below the surface, as on the CPU.
    ====================================================================================================== */
 
@@ -738,7 +740,9 @@ typedef enum conemap_dialect {
 
 typedef enum conemap_stage {
     CONEMAP_STAGE_FUNCTIONS = 0, /* declarations and functions, to paste behind the host's own #version */
-    CONEMAP_STAGE_FRAGMENT,      /* a whole fragment shader: rays from varyings, (u, v, z, t) to the first target */
+    CONEMAP_STAGE_FRAGMENT,      /* a whole fragment shader: rays from varyings, (u, v, z, t) to the first target, with
+                                    steps or status these to the second; what hits nothing is discarded, unless
+                                    status is asked for */
     CONEMAP_STAGE_COMPUTE,       /* a whole compute shader, 64 rays a group: two float4 a ray in (origin, t_min;
                                     direction, t_max), a float4 (u, v, z, t, or t = -1) out, and with steps or status a
                                     second (steps, status). Not GLSL 330 and ES 300 */
@@ -800,8 +804,8 @@ typedef struct conemap_shader_desc {
    text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER (a
-   number out of range, a name that is no identifier, two equal names, one that the text needs itself); UNSUPPORTED (the dialect lacks it, or two options
-   exclude each other). The same desc gives the same text. Thread-safe, allocates nothing. */
+   number out of range; a name that is no identifier, equals another or is a word of the text itself); UNSUPPORTED (the
+   dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
 
 /* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
@@ -810,6 +814,50 @@ CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *t
    NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
+
+/* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them. Every
+   pass reads textures and writes one value for each texel of the map, so it can be a compute dispatch or, for WebGL 2 and
+   ES 3.0, a full-screen draw (the viewport is the map's size). The state is a one-channel f32 texture, in two copies that
+   passes read and write by turns; before the first pass the one that it reads holds 0. With desc->map.guarantee VERTEX
+   what comes out are vertex cones as CONEMAP_RING makes them, to within float rounding and never wider; else, with the
+   SAFE pass, cones with CONEMAP_GUARANTEE_BILINEAR. */
+typedef enum conemap_kernel {
+    CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
+                                and the state, writes the state */
+    CONEMAP_KERNEL_MIN3X3,   /* of each 3x3 block the narrowest cone [BV24 eq. 2]: state to state */
+    CONEMAP_KERNEL_SAFE,     /* vertex cones made safe for the bilinear surface, at once and not tightly: the steepest slope
+                                of the 3x3 block times sqrt(2) on square texels, more on long ones. About 62 % of the
+                                vertex cones' width is left on the test maps. Needs the heights and the state, writes the
+                                state */
+    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down. Not DUMMER */
+    CONEMAP_KERNEL_COUNT
+} conemap_kernel;
+
+/* One pass. Between passes the host waits for the writes of the one before (a barrier, or the next draw's order). */
+typedef struct conemap_gpu_pass {
+    conemap_kernel kernel;
+    int first, last;     /* RING: the two arguments */
+    int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture */
+    int groups_x, groups_y; /* of 8 x 8 threads */
+} conemap_gpu_pass;
+
+/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture), fixed_size, prefix, binding, set,
+   sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state), precision, fetch
+   and, for the state, fetch_maxima, both `float NAME(int i, int j)`; other fields are ignored. FUNCTIONS are
+       float conemap_ring(int i, int j, int first, int last[, ivec2 size])
+       float conemap_steepest(int i, int j[, ivec2 size])
+       float conemap_safe(int i, int j[, ivec2 size])
+       float conemap_stored(int i, int j[, ivec2 size])     the cone channel; conemap_texel(i, j[, size]) is the height
+   Otherwise as conemap_emit. */
+CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
+                                               size_t capacity, size_t *size);
+
+/* The passes that make a map of desc->map.width x height: MIN3X3 among them if desc->map.min3x3 is set, SAFE unless
+   desc->map.guarantee is VERTEX. batch: texels that
+   one invocation looks at in a pass, so that no dispatch runs long; 0: 4096. passes: null asks for the count alone. Errors:
+   NULL, SIZE, PARAMETER (batch below 0), BUFFER (capacity below the count; nothing is written). */
+CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
+                                              int *count);
 
 /* ======================================================================================================
    F R U S T A
@@ -6413,17 +6461,19 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
    it names; the emitter follows these names from conemap_trace and writes what it met, needed ones first. So nothing
    unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
+     @move         lines that several tracers share
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
    ====================================================================================================== */
 
-#define CONEMAP__FLAGS(X)                                                                                        \
-    X(glsl) X(hlsl) X(c) X(es) X(vulkan) X(exact) X(linear) X(loop) X(exact_step) X(cell_max) X(maxmip) X(qdm)   \
-    X(blocks) X(cones) X(secant) X(bisect) X(refined) X(adaptive) X(any) X(back) X(falling) X(wrap_u) X(wrap_v) X(wraps)   \
-    X(nothing_u) X(nothing_v) X(nothing) X(per_cell) X(cone_only) X(hardware) X(gather) X(steps) X(status)       \
-    X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart) X(debug) X(cone_texel)        \
-    X(fragment) X(compute) X(located) X(es_310) X(uses_map) X(uses_heights) X(uses_maxima) X(sampler)            \
-    X(arguments) X(discards) X(host_maxima) X(mediump) X(external) X(version) X(solves)
+#define CONEMAP__FLAGS(X)                                                                                           \
+    X(glsl) X(hlsl) X(c) X(es) X(vulkan) X(exact) X(linear) X(loop) X(exact_step) X(cell_max) X(maxmip) X(qdm) X(blocks)\
+    X(cones) X(secant) X(bisect) X(refined) X(adaptive) X(any) X(back) X(falling) X(wrap_u) X(wrap_v) X(wraps)      \
+    X(nothing_u) X(nothing_v) X(nothing) X(per_cell) X(cone_only) X(hardware) X(gather) X(steps) X(status)          \
+    X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart)           \
+    X(debug) X(cone_texel) X(fragment) X(compute) X(located) X(uses_map) X(uses_heights) X(uses_maxima)             \
+    X(sampler) X(arguments) X(discards) X(host_maxima) X(external) X(version) X(solves) X(kernel) X(ring)           \
+    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -6480,7 +6530,6 @@ static const conemap__snippet conemap__snippets[] = {
                        "    return i < low ? low : i > high ? high : i;\n"
                        "}\n"},
 
-
     /* ---- what comes back ---- */
     {"conemap_hit", "$STRUCT conemap_hit {\n"
                     "    bool found;\n"
@@ -6531,28 +6580,100 @@ static const conemap__snippet conemap__snippets[] = {
                           "    if (speed == 0.0f) return vz < 0.0f ? (gap + 1e-6f) / -vz : 1e30f;\n"
                           "    return closing > 0.0f ? $SCALEtangent * gap / closing : 1e30f;\n"
                           "}\n"},
-    {"conemap_patch_hit", "// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the\n"
-                          "// ray the clearance is c + b t + a t t, solved in the form that does not cancel.\n"
-                          "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
-                          "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
-                          "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
-                          "    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrt(max(d, 0.0f)));\n"
-                          "    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;\n"
-                          "    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;\n"
-                          "    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;\n"
-                          "}\n"},
-    {"conemap_line_hit", "// First t in 0..end at which a straight line from clearance c to the one at the end meets 0, or -1.\n"
-                         "$FNfloat conemap_line_hit(vec4 h, float x, float y, float z, float c, vec3 v, float end) {\n"
-                         "    float last = z + v.z * end - conemap_mix(h, x + v.x * end, y + v.y * end);\n"
-                         "    return c <= 0.0f ? 0.0f : last <= 0.0f ? end * (c / (c - last)) : -1.0f;\n"
-                         "}\n"},
+    {"conemap_patch_hit",
+     "// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the\n"
+     "// ray the clearance is c + b t + a t t, solved in the form that does not cancel.\n"
+     "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
+     "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
+     "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
+     "    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrt(max(d, 0.0f)));\n"
+     "    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;\n"
+     "    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;\n"
+     "    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;\n"
+     "}\n"},
+    {"conemap_line_hit",
+     "// First t in 0..end at which a straight line from clearance c to the one at the end meets 0, or -1.\n"
+     "$FNfloat conemap_line_hit(vec4 h, float x, float y, float z, float c, vec3 v, float end) {\n"
+     "    float last = z + v.z * end - conemap_mix(h, x + v.x * end, y + v.y * end);\n"
+     "    return c <= 0.0f ? 0.0f : last <= 0.0f ? end * (c / (c - last)) : -1.0f;\n"
+     "}\n"},
 
     /* ---- maxima ---- */
-    {"conemap_ahead", "// How many cells the block of level k goes on, in the ray's direction, from a cell of it.\n"
-                      "$FNint conemap_ahead(int cell, int count, int k, int s) {\n"
-                      "    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;\n"
-                      "    return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;\n"
+    {"conemap_ahead",
+     "// How many cells the block of level k goes on, in the ray's direction, from a cell of it.\n"
+     "$FNint conemap_ahead(int cell, int count, int k, int s) {\n"
+     "    int low = (cell >> k) << k, high = ((cell >> k) + 1) << k;\n"
+     "    return s < 0 ? cell + 1 - low : (high < count ? high : count) - cell;\n"
+     "}\n"},
+
+    /* ---- kernels ---- */
+    {"conemap_ring",
+     "// Steepest slope, squared, from texel (i, j) to those of rings first..last, and of the rings before.\n"
+     "$FNfloat conemap_ring(int i, int j, int first, int last$SIZE_PARAMS) {\n"
+     "    float s = $KEPT, apex = conemap_texel(i, j$SIZE);\n"
+     "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b);\n"
+     "    for (int r = first; r <= last; ++r) {\n"
+     "        float d = shorter * float(r), room = 1.0f - apex;\n"
+     "        if (room * room <= s * d * d) break; // nothing so far away can be steeper\n"
+     "        for (int side = 0; side < 4; ++side) {\n"
+     "            for (int k = -r; k < r; ++k) {\n"
+     "                int di = side == 0 ? k : side == 1 ? r : side == 2 ? -k : -r;\n"
+     "                int dj = side == 0 ? -r : side == 1 ? k : side == 2 ? r : -k;\n"
+     "?!wrap_u                 if (i + di < 0 || i + di >= $W) continue;\n"
+     "?!wrap_v                 if (j + dj < 0 || j + dj >= $H) continue;\n"
+     "                float x = a * float(di), y = b * float(dj), rise = conemap_texel(i + di, j + dj$SIZE) - "
+     "apex;\n"
+     "                if (rise > 0.0f) s = max(s, rise * rise / (x * x + y * y));\n"
+     "            }\n"
+     "        }\n"
+     "    }\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_slope", "$FNfloat conemap_slope(int i, int j$SIZE_PARAMS) {\n"
+                      "    return $SLOPE;\n"
                       "}\n"},
+    {"conemap_steepest",
+     "// The narrowest cone of the 3x3 block around a texel.\n"
+     "$FNfloat conemap_steepest(int i, int j$SIZE_PARAMS) {\n"
+     "    float s = 0.0f;\n"
+     "    for (int dj = -1; dj <= 1; ++dj)\n"
+     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_safe",
+     "// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear "
+     "surface: what\n"
+     "// vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the "
+     "gradient.\n"
+     "$FNfloat conemap_safe(int i, int j$SIZE_PARAMS) {\n"
+     "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b), s = 0.0f, gradient = 0.0f;\n"
+     "    for (int dj = -1; dj <= 1; ++dj)\n"
+     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+     "    for (int cj = j - 2; cj <= j + 1; ++cj) {\n"
+     "        for (int ci = i - 2; ci <= i + 1; ++ci) {\n"
+     "            float h00 = conemap_texel(ci, cj$SIZE), h10 = conemap_texel(ci + 1, cj$SIZE);\n"
+     "            float h01 = conemap_texel(ci, cj + 1$SIZE), h11 = conemap_texel(ci + 1, cj + 1$SIZE);\n"
+     "            float x = max(abs(h10 - h00), abs(h11 - h01)) / a, y = max(abs(h01 - h00), abs(h11 - h10)) / "
+     "b;\n"
+     "            gradient = max(gradient, x * x + y * y);\n"
+     "        }\n"
+     "    }\n"
+     "    return 1.0001f * max(gradient, s * (1.0f + 0.5f * (a * a + b * b) / (shorter * shorter))); // 1.0001: "
+     "rounding\n"
+     "}\n"},
+    {"conemap_stored",
+     "// The cone as the texture keeps it: 2^-20 narrower for all rounding, and rounded down.\n"
+     "$FNfloat conemap_stored(int i, int j$SIZE_PARAMS) {\n"
+     "    float s = conemap_slope(i, j$SIZE), tangent = $MAX_TAN;\n"
+     "    if (s > 0.0f) tangent = min(tangent, 0.999999f / sqrt(s));\n"
+     "?radius     float stored = (1.0f - conemap_texel(i, j$SIZE)) * tangent * 0.999999f;\n"
+     "?sqrt     float stored = sqrt(tangent) * 0.999999f;\n"
+     "?!radius,!sqrt     float stored = tangent;\n"
+     "?unorm     float code = floor(min(stored, 1.0f) * $SCALE_MAX);\n"
+     "?unorm     return (code / $SCALE_MAX > stored ? code - 1.0f : code) / $SCALE_MAX;\n"
+     "?half     return max(stored * (1.0f - 1.0f / 1024.0f) - 6e-8f, 0.0f); // a half float is nearer than that\n"
+     "?!unorm,!half     return stored;\n"
+     "}\n"},
 };
 
 /* conemap_trace: a head, the loop of one tracer, a tail. The ray flies through the cell between texels (i, j) and
@@ -6562,8 +6683,10 @@ static const char conemap__trace_head[] =
     "?linear // Equal steps.\n"
     "?loop // A number of cone steps without a test in between.\n"
     "?exact_step // Cone step and one texel more, until the ray is below the surface.\n"
-    "?cell_max // To the end of the cone or of the cell, whichever is farther, until the ray is below the surface.\n"
-    "?maxmip // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself decides.\n"
+    "?cell_max // To the end of the cone or of the cell, whichever is farther, until the ray is below the "
+    "surface.\n"
+    "?maxmip // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself "
+    "decides.\n"
     "?qdm // Blocks under the ray are left behind whole, others are entered; in a cell a straight line decides.\n"
     "?any $FNbool conemap_any_hit(vec3 origin, vec3 direction$PARAMS) {\n"
     "?!any $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
@@ -6584,17 +6707,20 @@ static const char conemap__trace_head[] =
     "    float x = float(si) * (origin.x * $FW - 0.5f), y = float(sj) * (origin.y * $FH - 0.5f), z = origin.z;\n"
     "?status,nothing     int end_status = box.x > box.y ? 1 : box.y == ground ? 2 : $T_MAX_STATUS;\n"
     "?status,!nothing     int end_status = $T_MAX_STATUS;\n"
-    "?wraps     float reach_end = range.x + 1048576.0f / (v.x + v.y); // farther than a float can tell cells apart\n"
+    "?wraps     float reach_end = range.x + 1048576.0f / (v.x + v.y); // farther than a float can tell cells "
+    "apart\n"
     "?wraps,status     if (range.y > reach_end) end_status = 4;\n"
     "?wraps     range.y = min(range.y, reach_end);\n"
     "?adaptive     float level = direction.x * direction.x + direction.y * direction.y;\n"
     "?blocks     int cells_u = $CELLS_U, cells_v = $CELLS_V, top = 0;\n"
     "?blocks     for (int side = 1; side < cells_u || side < cells_v; side *= 2) ++top;\n"
     "?blocks     int k = top;\n"
-    "?exact_step     float extra = 1.0f / ($LONGEST * sqrt(direction.x * direction.x + direction.y * direction.y +\n"
+    "?exact_step     float extra = 1.0f / ($LONGEST * sqrt(direction.x * direction.x + direction.y * direction.y "
+    "+\n"
     "?exact_step                                           direction.z * direction.z));\n"
     "?linear     float stride = (range.y - range.x) / float($CAP);\n"
-    "?adaptive     int step_count = int(float($CAP) * (0.5f + sqrt(level / (level + direction.z * direction.z))));\n"
+    "?adaptive     int step_count = int(float($CAP) * (0.5f + sqrt(level / (level + direction.z * "
+    "direction.z))));\n"
     "    float t = 0.0f, dt = range.x$STATE;\n"
     "    bool done = range.x > range.y$BOOLS;\n"
     "    for (; !done && steps < $LIMIT; ++steps) {\n"
@@ -6607,13 +6733,17 @@ static const char conemap__move[] =
 
 static const char conemap__surface[] = /* the height below the ray, and with `cones` the cone there */
     "?cones,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
-    "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + sj$MAP);\n"
+    "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
+    "sj$MAP);\n"
     "?cones,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
-    "?!cones,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, j$MAP),\n"
-    "?!cones,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j + sj$MAP));\n"
+    "?!cones,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
+    "j$MAP),\n"
+    "?!cones,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
+    "+ sj$MAP));\n"
     "?gather         vec2 uv = vec2(float(i + (si > 0 ? 1 : 0)) / $FW, float(j + (sj > 0 ? 1 : 0)) / $FH);\n"
     "?gather         vec4 heights = conemap_turn($GATHER_HEIGHTS, si, sj);\n"
-    "?hardware         vec2 uv = vec2((float(i) + float(si) * x + 0.5f) / $FW, (float(j) + float(sj) * y + 0.5f) / $FH);\n"
+    "?hardware         vec2 uv = vec2((float(i) + float(si) * x + 0.5f) / $FW, (float(j) + float(sj) * y + 0.5f) "
+    "/ $FH);\n"
     "?hardware,cones,!apart         vec2 both = $SAMPLE;\n"
     "?hardware,cones,!apart         float height = both.x;\n"
     "?hardware,apart         float height = $SAMPLE_HEIGHT;\n"
@@ -6631,10 +6761,12 @@ static const char conemap__cone_text[] =
 static const char conemap__loop_exact[] =
     "@surface\n"
     "@cone\n"
-    "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border\n"
+    "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
+    "the border\n"
     "        float gap = z - height, closing = speed - $TANGENT * v.z;\n"
     "        hit = conemap_patch_hit(heights, x, y, gap, v, min(leave, left));\n"
-    "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through it\n"
+    "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
+    "it\n"
     "?back             walked = t;\n"
     "?back             dt = -flown;\n"
     "?back             flown = 0.0f;\n"
@@ -6642,8 +6774,10 @@ static const char conemap__loop_exact[] =
     "?back             continue;\n"
     "?back         }\n"
     "        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
-    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : 1e30f);\n"
-    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : 1e30f;\n"
+    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "1e30f);\n"
+    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "1e30f;\n"
     "?back         flown = dt > leave ? dt : 0.0f;\n"
     "?back         dt = max(dt, leave);\n"
     "        done = hit >= 0.0f || dt >= left;\n";
@@ -6685,7 +6819,8 @@ static const char conemap__loop_step[] = /* exact-step, cell-max */
 
 static const char conemap__loop_blocks[] =
     "        int cell_u = $CELL_U, cell_v = $CELL_V;\n"
-    "        int ahead_u = conemap_ahead(cell_u, cells_u, k, si), ahead_v = conemap_ahead(cell_v, cells_v, k, sj);\n"
+    "        int ahead_u = conemap_ahead(cell_u, cells_u, k, si), ahead_v = conemap_ahead(cell_v, cells_v, k, "
+    "sj);\n"
     "        float leave = min((float(ahead_u) + 0.000001f - x) / v.x, (float(ahead_v) + 0.000001f - y) / v.y);\n"
     "        float left = range.y - t, end = min(leave, left), highest = $MAXIMUM;\n"
     "        bool over = min(z, z + v.z * end) > highest;\n"
@@ -6728,7 +6863,8 @@ static const char conemap__trace_tail[] =
     "?!any     conemap_hit result;\n"
     "?!any     result.found = $FOUND;\n"
     "?!any     result.t = $AT_T;\n"
-    "?!any     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y + 0.5f) / $FH, $AT_Z);\n"
+    "?!any     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y "
+    "+ 0.5f) / $FH, $AT_Z);\n"
     "?status     result.status = result.found ? 0 : done ? end_status : 4;\n"
     "?steps     result.steps = steps;\n"
     "?!any     return result;\n"
@@ -6775,7 +6911,7 @@ typedef struct conemap__emitter {
     conemap__piece pieces[CONEMAP__PIECES];
     int piece_count;
     const char *prefix;
-    const char *given[7];                    /* the host's names, or null */
+    const char *given[7];                   /* the host's names, or null */
     char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
     int commenting;
     int clash; /* a word of the text is also a name of the host's */
@@ -6876,7 +7012,8 @@ static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t
 /* One word of a snippet: in the first pass what it needs is written, in the second the word itself. */
 static void conemap__token(conemap__emitter *e, const char *token, size_t length, int called, int needs) {
     int k, hlsl = e->flags[conemap__flag_hlsl], c = e->flags[conemap__flag_c];
-    for (k = 0; (hlsl || c) && !e->commenting && k < (int)(sizeof conemap__words / sizeof conemap__words[0]); ++k) {
+    for (k = 0; (hlsl || c) && !e->commenting && k < (int)(sizeof conemap__words / sizeof conemap__words[0]);
+         ++k) {
         const conemap__word *word = &conemap__words[k];
         if (!conemap__same(word->word, token, length)) continue;
         token = hlsl ? (called ? word->hlsl_call : word->hlsl) : called ? word->c_call : word->c;
@@ -6903,7 +7040,8 @@ static const char *conemap__expand(conemap__emitter *e, const char *text, int ne
         if (text[0] == '/' && text[1] == '/') e->commenting = 1; /* comments need nothing and keep their words */
         if (text[0] == '$') {
             int k;
-            while ((text[length] >= 'A' && text[length] <= 'Z') || text[length] == '_' || conemap__is_digit(text[length]))
+            while ((text[length] >= 'A' && text[length] <= 'Z') || text[length] == '_' ||
+                   conemap__is_digit(text[length]))
                 ++length;
             for (k = 0; k < e->piece_count; ++k)
                 if (conemap__same(e->pieces[k].name, text + 1, length - 1)) break;
@@ -6919,7 +7057,8 @@ static const char *conemap__expand(conemap__emitter *e, const char *text, int ne
             while (conemap__is_letter(text[length]) || conemap__is_digit(text[length]) || text[length] == '.' ||
                    (text[length] == '-' && text[length - 1] == 'e'))
                 ++length;
-            if (!needs) conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] ? length - 1 : length);
+            if (!needs)
+                conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] ? length - 1 : length);
         } else if (!needs) {
             conemap__put(e, text, 1);
         }
@@ -6976,7 +7115,8 @@ static const char conemap__head_text[] =
     "// conemap.h: $TRACER tracer.\n"
     "?!any // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
     "?any // conemap_any_hit($SIGNATURE): does a ray meet the relief?\n"
-    "// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.\n"
+    "// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
+    "direction.\n"
     "?t_range // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?cap // max_steps: where to give up.\n"
     "?atlas // rect: the map in the texture, (x, y, width, height) in texels.\n"
@@ -7056,7 +7196,8 @@ static const char conemap__compute_text[] =
     "?glsl };\n"
     "?hlsl StructuredBuffer<float4> conemap_rays$RAYS_LAYOUT;   // origin, t_min; direction, t_max\n"
     "?hlsl,!debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit\n"
-    "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; steps, status\n"
+    "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; "
+    "steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
     "?arguments,cap $UNIFORMint conemap_max_steps;\n"
@@ -7075,8 +7216,10 @@ static const char conemap__compute_text[] =
     "?glsl void main() {\n"
     "?glsl     int ray = int(gl_GlobalInvocationID.x);\n"
     "?glsl     if (ray >= conemap_rays.length() / 2) return;\n"
-    "?!t_range     vec3 origin = conemap_rays[2$UNSIGNED * ray].xyz, direction = conemap_rays[2$UNSIGNED * ray + 1$UNSIGNED].xyz;\n"
-    "?t_range     vec4 origin = conemap_rays[2$UNSIGNED * ray], direction = conemap_rays[2$UNSIGNED * ray + 1$UNSIGNED];\n"
+    "?!t_range     vec3 origin = conemap_rays[2$UNSIGNED * ray].xyz, direction = conemap_rays[2$UNSIGNED * ray + "
+    "1$UNSIGNED].xyz;\n"
+    "?t_range     vec4 origin = conemap_rays[2$UNSIGNED * ray], direction = conemap_rays[2$UNSIGNED * ray + "
+    "1$UNSIGNED];\n"
     "?t_range,!any     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
     "?!t_range,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
     "?t_range,any     bool met = conemap_any_hit(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
@@ -7084,7 +7227,8 @@ static const char conemap__compute_text[] =
     "?!any,!debug     conemap_hits[ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
-    "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no telling where\n"
+    "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no "
+    "telling where\n"
     "}\n";
 
 /* Null is fine and stands for a default; anything else must be an identifier that every dialect takes. */
@@ -7107,7 +7251,8 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     conemap_tracer tracer;
     int k, m, relaxed;
     if (!CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT) || !CONEMAP__KNOWN(d->stage, CONEMAP_STAGE_COUNT) ||
-        !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) || !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
+        !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) ||
+        !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
         !CONEMAP__KNOWN(d->map.wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(d->map.wrap_v, CONEMAP_WRAP_COUNT) ||
         !CONEMAP__KNOWN(d->map.guarantee, CONEMAP_GUARANTEE_COUNT))
         return CONEMAP_ERROR_ENUM;
@@ -7117,8 +7262,9 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     if (d->map.aspect == 0.0f) d->map.aspect = 1.0f;
     if (d->map.max_tan == 0.0f) d->map.max_tan = 1.0f;
     if (!conemap__in_range(d->map.aspect, 1.0f / 32768.0f, 32768.0f) ||
-        !conemap__in_range(d->map.max_tan, 1e-30f, CONEMAP_TAN_LIMIT) || d->set < 0 || d->set > 1024 || d->binding < 0 ||
-        d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536 || d->sectors < 0)
+        !conemap__in_range(d->map.max_tan, 1e-30f, CONEMAP_TAN_LIMIT) || d->set < 0 || d->set > 1024 ||
+        d->binding < 0 || d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536 ||
+        d->sectors < 0)
         return CONEMAP_ERROR_PARAMETER;
     if (d->fixed_size && (d->map.width < 1 || d->map.height < 1 || d->map.width > CONEMAP_MAX_SIZE ||
                           d->map.height > CONEMAP_MAX_SIZE))
@@ -7133,7 +7279,8 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     for (k = 0; k < 7; ++k) {
         if (!conemap__is_name(e->given[k])) return CONEMAP_ERROR_PARAMETER;
         for (m = 0; m < k; ++m)
-            if (e->given[k] && e->given[m] && strcmp(e->given[k], e->given[m]) == 0) return CONEMAP_ERROR_PARAMETER;
+            if (e->given[k] && e->given[m] && strcmp(e->given[k], e->given[m]) == 0)
+                return CONEMAP_ERROR_PARAMETER;
     }
     if (d->flags != 0 || d->sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
 
@@ -7159,8 +7306,10 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_refined] = !f[conemap__flag_solves] && d->trace.refinement != CONEMAP_REFINE_NONE;
     f[conemap__flag_adaptive] = tracer == CONEMAP_TRACE_LOOP && d->trace.adaptive_steps;
     f[conemap__flag_any] = d->trace.any_hit && (f[conemap__flag_exact] || f[conemap__flag_maxmip]);
-    relaxed = d->map.guarantee == CONEMAP_GUARANTEE_RELAXED || d->map.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
-    f[conemap__flag_back] = f[conemap__flag_exact] && !f[conemap__flag_any] && d->map.guarantee != CONEMAP_GUARANTEE_DEFAULT &&
+    relaxed =
+        d->map.guarantee == CONEMAP_GUARANTEE_RELAXED || d->map.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+    f[conemap__flag_back] = f[conemap__flag_exact] && !f[conemap__flag_any] &&
+                            d->map.guarantee != CONEMAP_GUARANTEE_DEFAULT &&
                             d->map.guarantee != CONEMAP_GUARANTEE_BILINEAR;
     f[conemap__flag_falling] = relaxed && f[conemap__flag_exact];
     f[conemap__flag_wrap_u] = d->map.wrap_u == CONEMAP_WRAP;
@@ -7198,10 +7347,12 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_STAGE_FUNCTIONS;
     f[conemap__flag_discards] = f[conemap__flag_fragment] && !f[conemap__flag_any] && !f[conemap__flag_status];
     f[conemap__flag_arguments] = f[conemap__flag_cap] || f[conemap__flag_atlas] || f[conemap__flag_array] ||
-                                 f[conemap__flag_size_argument] || (f[conemap__flag_t_range] && !f[conemap__flag_compute]);
+                                 f[conemap__flag_size_argument] ||
+                                 (f[conemap__flag_t_range] && !f[conemap__flag_compute]);
     {
         int old = !f[conemap__flag_located], exact = f[conemap__flag_solves];
-        if ((old && (d->stage == CONEMAP_STAGE_COMPUTE || d->filter == CONEMAP_FILTER_GATHER || d->binding != 0)) ||
+        if ((old &&
+             (d->stage == CONEMAP_STAGE_COMPUTE || d->filter == CONEMAP_FILTER_GATHER || d->binding != 0)) ||
             (d->set != 0 && !f[conemap__flag_vulkan] && d->dialect != CONEMAP_HLSL_60) ||
             (d->sampler_binding != 0 && !f[conemap__flag_hlsl]) ||
             (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
@@ -7211,16 +7362,16 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
             (d->fetch && f[conemap__flag_hardware] && f[conemap__flag_per_cell]) ||
             (d->atlas && (d->filter != CONEMAP_FILTER_FETCH || d->fixed_size || f[conemap__flag_blocks])) ||
             (f[conemap__flag_per_cell] && d->map.texture.encoding == CONEMAP_RADIUS) ||
-            (d->external && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
-            (d->trace.any_hit && !f[conemap__flag_any]) || (f[conemap__flag_any] && (d->steps || d->status)))
+            (d->external && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->trace.any_hit && !f[conemap__flag_any]) ||
+            (f[conemap__flag_any] && (d->steps || d->status)))
             return CONEMAP_ERROR_UNSUPPORTED;
     }
     return CONEMAP_OK;
 }
 
 /* An expression that reads a texture: `place` is what the dialect wants between the brackets. */
-static void conemap__read_texture(conemap__emitter *e, char *out, const char *texture, const char *how, const char *place,
-                                  const char *swizzle) {
+static void conemap__read_texture(conemap__emitter *e, char *out, const char *texture, const char *how,
+                                  const char *place, const char *swizzle) {
     if (e->flags[conemap__flag_hlsl]) {
         conemap__append(out, CONEMAP__PIECE_SIZE, texture);
         conemap__append(out, CONEMAP__PIECE_SIZE, how);
@@ -7272,9 +7423,10 @@ static const char *conemap__resource_name(conemap__emitter *e, int index, const 
 
 /* Says what every piece stands for. */
 static void conemap__make_pieces(conemap__emitter *e) {
-    static const char *const versions[CONEMAP_DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
-                                                                "310 es", "", "", ""};
-    static const char *const tracers[CONEMAP_TRACER_COUNT] = {"exact", "exact", "linear", "fixed", "loop", "exact-step",
+    static const char *const versions[CONEMAP_DIALECT_COUNT] = {
+        "330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", ""};
+    static const char *const tracers[CONEMAP_TRACER_COUNT] = {"exact",    "exact",      "linear",
+                                                              "fixed",    "loop",       "exact-step",
                                                               "cell-max", "max-mipmap", "quadtree displacement"};
     static const char *const formats[CONEMAP_FORMAT_COUNT] = {"32f", "16f", "16", "8"};
     static const char *const encodings[CONEMAP_ENCODING_COUNT] = {"tan of the cone", "sqrt(tan) of the cone",
@@ -7283,8 +7435,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
     const unsigned char *f = e->flags;
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], cones = f[conemap__flag_cones];
-    const int blocks = f[conemap__flag_blocks], host = f[conemap__flag_host], unorm = d->map.texture.format >= CONEMAP_UNORM16;
-    const char *map = "$MAP_NAME", *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
+    const int blocks = f[conemap__flag_blocks], host = f[conemap__flag_host],
+              unorm = d->map.texture.format >= CONEMAP_UNORM16;
+    const char *map = "$MAP_NAME",
+               *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
     const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
     const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *gathers, *texel;
@@ -7313,8 +7467,9 @@ static void conemap__make_pieces(conemap__emitter *e) {
             conemap__append(out, size, side);
             conemap__append(out, size, ".0f");
         } else if (k == 2) {
-            conemap__append(out, size, d->atlas ? "float(rect.z > rect.w ? rect.z : rect.w)"
-                                                : "float(size.x > size.y ? size.x : size.y)");
+            conemap__append(out, size,
+                            d->atlas ? "float(rect.z > rect.w ? rect.z : rect.w)"
+                                     : "float(size.x > size.y ? size.x : size.y)");
         } else {
             conemap__append(out, size, "float(");
             conemap__append(out, size, side);
@@ -7350,15 +7505,21 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "FN", 1, f[conemap__flag_c] ? "static " : "");
 
     out = conemap__piece_new(e, "SIZE_ASKED", 0);
-    conemap__append(out, size, hlsl ? "conemap_size()" : array ? "textureSize($ANY_TEXTURE, 0).xy" : "textureSize($ANY_TEXTURE, 0)");
+    conemap__append(out, size,
+                    hlsl    ? "conemap_size()"
+                    : array ? "textureSize($ANY_TEXTURE, 0).xy"
+                            : "textureSize($ANY_TEXTURE, 0)");
 
     /* The ray. */
     conemap__piece_set(e, "T_MIN", 0, d->t_range ? "t_min" : "0.0f");
-    conemap__piece_set(e, "T_MAX_STATUS", 0, !d->t_range                  ? "1"
-                                             : f[conemap__flag_nothing] ? "(box.y == t_max ? 3 : 1)"
-                                                                        : "range.x <= range.y && range.y == t_max ? 3 : 1");
-    conemap__piece_set(e, "CLIP_U", 0, f[conemap__flag_nothing_u] ? "conemap_clip(range, origin.x, direction.x, rim_u, 1.0f - rim_u)"
-                                                                  : "conemap_clip(range, origin.x, direction.x, 0.0f, 1.0f)");
+    conemap__piece_set(e, "T_MAX_STATUS", 0,
+                       !d->t_range                ? "1"
+                       : f[conemap__flag_nothing] ? "(box.y == t_max ? 3 : 1)"
+                                                  : "range.x <= range.y && range.y == t_max ? 3 : 1");
+    conemap__piece_set(e, "CLIP_U", 0,
+                       f[conemap__flag_nothing_u]
+                           ? "conemap_clip(range, origin.x, direction.x, rim_u, 1.0f - rim_u)"
+                           : "conemap_clip(range, origin.x, direction.x, 0.0f, 1.0f)");
     conemap__piece_set(e, "LOW_V", 0, f[conemap__flag_nothing_v] ? "rim_v" : "0.0f");
     conemap__piece_set(e, "HIGH_V", 0, f[conemap__flag_nothing_v] ? "1.0f - rim_v" : "1.0f");
     out = conemap__piece_new(e, "ASPECT2", 0);
@@ -7383,7 +7544,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
             conemap__append(out, size, d->atlas ? " * (rect.z + rect.w)" : " * (size.x + size.y)");
         }
     }
-    conemap__piece_set(e, "LIMIT", 0, f[conemap__flag_adaptive] ? "step_count + 1" : f[conemap__flag_linear] || f[conemap__flag_loop] ? "$CAP + 1" : "$CAP");
+    conemap__piece_set(e, "LIMIT", 0,
+                       f[conemap__flag_adaptive]                          ? "step_count + 1"
+                       : f[conemap__flag_linear] || f[conemap__flag_loop] ? "$CAP + 1"
+                                                                          : "$CAP");
     out = conemap__piece_new(e, "SCALE", 0);
     if (d->trace.step_scale != 1.0f) {
         conemap__append_float(out, size, d->trace.step_scale);
@@ -7392,9 +7556,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__append_float(conemap__piece_new(e, "TOLERANCE", 0), size, d->trace.tolerance);
     conemap__append_int(conemap__piece_new(e, "REFINE_STEPS", 0), size, d->trace.refine_steps);
     conemap__append_float(conemap__piece_new(e, "MAX_TAN", 0), size, d->map.max_tan);
-    conemap__piece_set(e, "TANGENT", 0, d->map.texture.encoding == CONEMAP_SQRT     ? "cone * cone"
-                                        : d->map.texture.encoding == CONEMAP_RADIUS ? "conemap_tangent(cone, height)"
-                                                                                    : "cone");
+    conemap__piece_set(e, "TANGENT", 0,
+                       d->map.texture.encoding == CONEMAP_SQRT     ? "cone * cone"
+                       : d->map.texture.encoding == CONEMAP_RADIUS ? "conemap_tangent(cone, height)"
+                                                                   : "cone");
     out = conemap__piece_new(e, "CONES_DENIED", 0);
     if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
     conemap__append(out, size, " || t < walked");
@@ -7402,41 +7567,55 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "BOOLS", 0, f[conemap__flag_solves] ? "" : ", found = false, ends = false");
     out = conemap__piece_new(e, "STATE", 0);
     conemap__append(out, size, f[conemap__flag_solves] ? ", hit = -1.0f" : ", gap = 0.0f");
-    if (cones) conemap__append(out, size, ", speed = sqrt(direction.x * direction.x + $ASPECT2direction.y * direction.y)");
+    if (cones)
+        conemap__append(out, size,
+                        ", speed = sqrt(direction.x * direction.x + $ASPECT2direction.y * direction.y)");
     if (f[conemap__flag_back]) conemap__append(out, size, ", flown = 0.0f, walked = -1.0f");
     if (f[conemap__flag_secant]) conemap__append(out, size, ", above = 0.0f");
     if (f[conemap__flag_loop] && f[conemap__flag_refined]) conemap__append(out, size, ", t_above = range.x");
     conemap__piece_set(e, "EXTRA", 0, f[conemap__flag_exact_step] ? " + extra" : "");
-    k = f[conemap__flag_solves] || (f[conemap__flag_exact_step] && !f[conemap__flag_refined]); /* dt is still to go */
+    k = f[conemap__flag_solves] ||
+        (f[conemap__flag_exact_step] && !f[conemap__flag_refined]); /* dt is still to go */
     conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * dt)" : "x");
     conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * dt)" : "y");
     conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * dt" : "z");
     conemap__piece_set(e, "AT_T", 0, k ? "t + dt" : "t");
 
     /* Blocks. */
-    conemap__piece_set(e, "CELLS_U", 0, f[conemap__flag_wrap_u] ? "$W" : f[conemap__flag_nothing_u] ? "($W > 1 ? $W - 1 : 1)" : "$W + 1");
-    conemap__piece_set(e, "CELLS_V", 0, f[conemap__flag_wrap_v] ? "$H" : f[conemap__flag_nothing_v] ? "($H > 1 ? $H - 1 : 1)" : "$H + 1");
-    conemap__piece_set(e, "CELL_U", 0, f[conemap__flag_wrap_u]      ? "conemap_repeat(si > 0 ? i : i - 1, $W)"
-                                       : f[conemap__flag_nothing_u] ? "clamp(si > 0 ? i : i - 1, 0, cells_u - 1)"
-                                                                    : "clamp(si > 0 ? i + 1 : i, 0, cells_u - 1)");
-    conemap__piece_set(e, "CELL_V", 0, f[conemap__flag_wrap_v]      ? "conemap_repeat(sj > 0 ? j : j - 1, $H)"
-                                       : f[conemap__flag_nothing_v] ? "clamp(sj > 0 ? j : j - 1, 0, cells_v - 1)"
-                                                                    : "clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1)");
+    conemap__piece_set(e, "CELLS_U", 0,
+                       f[conemap__flag_wrap_u]      ? "$W"
+                       : f[conemap__flag_nothing_u] ? "($W > 1 ? $W - 1 : 1)"
+                                                    : "$W + 1");
+    conemap__piece_set(e, "CELLS_V", 0,
+                       f[conemap__flag_wrap_v]      ? "$H"
+                       : f[conemap__flag_nothing_v] ? "($H > 1 ? $H - 1 : 1)"
+                                                    : "$H + 1");
+    conemap__piece_set(e, "CELL_U", 0,
+                       f[conemap__flag_wrap_u]      ? "conemap_repeat(si > 0 ? i : i - 1, $W)"
+                       : f[conemap__flag_nothing_u] ? "clamp(si > 0 ? i : i - 1, 0, cells_u - 1)"
+                                                    : "clamp(si > 0 ? i + 1 : i, 0, cells_u - 1)");
+    conemap__piece_set(e, "CELL_V", 0,
+                       f[conemap__flag_wrap_v]      ? "conemap_repeat(sj > 0 ? j : j - 1, $H)"
+                       : f[conemap__flag_nothing_v] ? "clamp(sj > 0 ? j : j - 1, 0, cells_v - 1)"
+                                                    : "clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1)");
 
     /* Texture reads. */
     fetch = hlsl ? ".Load" : "texelFetch(";
-    texel = hlsl ? (array ? "(int4($I, $J, slice, 0))" : "(int3($I, $J, 0))")
+    texel = hlsl    ? (array ? "(int4($I, $J, slice, 0))" : "(int3($I, $J, 0))")
             : array ? ", ivec3($I, $J, slice), 0)"
                     : ", ivec2($I, $J), 0)";
     for (k = 0; k < 2; ++k) { /* the texel of an index, inside the map and the atlas */
         out = conemap__piece_new(e, k == 0 ? "I" : "J", 0);
         if (d->atlas) conemap__append(out, size, k == 0 ? "rect.x + " : "rect.y + ");
-        conemap__append(out, size, f[k == 0 ? conemap__flag_wrap_u : conemap__flag_wrap_v]
-                                       ? (k == 0 ? "conemap_repeat(i, $W)" : "conemap_repeat(j, $H)")
-                                       : (k == 0 ? "clamp(i, 0, $W - 1)" : "clamp(j, 0, $H - 1)"));
+        conemap__append(out, size,
+                        f[k == 0 ? conemap__flag_wrap_u : conemap__flag_wrap_v]
+                            ? (k == 0 ? "conemap_repeat(i, $W)" : "conemap_repeat(j, $H)")
+                            : (k == 0 ? "clamp(i, 0, $W - 1)" : "clamp(j, 0, $H - 1)"));
     }
     sample = hlsl ? ".SampleLevel($SAMPLER_NAME" : "textureLod(";
-    uv = hlsl ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)") : array ? ", vec3(uv, float(slice)), 0.0)" : ", uv, 0.0)";
+    uv = hlsl    ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)")
+         : array ? ", vec3(uv, float(slice)), 0.0)"
+                 : ", uv, 0.0)";
     out = conemap__piece_new(e, "TEXEL", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
@@ -7481,13 +7660,27 @@ static void conemap__make_pieces(conemap__emitter *e) {
     out = conemap__piece_new(e, "MAXIMUM", 0);
     if (d->fetch_maxima) {
         conemap__append(out, size, "$FETCH_MAXIMA_NAME");
-        conemap__append(out, size, array ? "(cell_u >> k, cell_v >> k, k, slice)" : "(cell_u >> k, cell_v >> k, k)");
+        conemap__append(out, size,
+                        array ? "(cell_u >> k, cell_v >> k, k, slice)" : "(cell_u >> k, cell_v >> k, k)");
     } else {
-        conemap__read_texture(e, out, "$MAXIMA_NAME", fetch,
-                              hlsl ? (array ? "(int4(cell_u >> k, cell_v >> k, slice, k))" : "(int3(cell_u >> k, cell_v >> k, k))")
-                              : array ? ", ivec3(cell_u >> k, cell_v >> k, slice), k)"
-                                      : ", ivec2(cell_u >> k, cell_v >> k), k)",
-                              ".r");
+        conemap__read_texture(
+            e, out, "$MAXIMA_NAME", fetch,
+            hlsl ? (array ? "(int4(cell_u >> k, cell_v >> k, slice, k))" : "(int3(cell_u >> k, cell_v >> k, k))")
+            : array ? ", ivec3(cell_u >> k, cell_v >> k, slice), k)"
+                    : ", ivec2(cell_u >> k, cell_v >> k), k)",
+            ".r");
+    }
+    if (f[conemap__flag_kernel]) {
+        conemap__append(conemap__piece_new(e, "KEPT", 0), size,
+                        f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME(i, j)"
+                        : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0)).r"
+                                                    : "texelFetch($MAP_NAME, ivec2(i, j), 0).r");
+        conemap__append(conemap__piece_new(e, "SLOPE", 0), size,
+                        f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME($I, $J)"
+                        : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0)).r"
+                                                    : "texelFetch($MAP_NAME, ivec2($I, $J), 0).r");
+        conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
+        conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
     conemap__piece_set(e, "TEXEL_TYPE", 0, !cones || f[conemap__flag_cone_texel] ? "float" : "vec2");
     conemap__piece_set(e, "ANY_TEXTURE", 0, f[conemap__flag_uses_map] ? map : heights);
@@ -7497,30 +7690,47 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "VERSION", 1, versions[d->dialect]);
     conemap__piece_set(e, "TRACER", 1, tracers[d->trace.tracer]);
     conemap__piece_set(e, "PRECISION", 1, d->precision == CONEMAP_MEDIUMP ? "mediump" : "highp");
-    conemap__piece_set(e, "MAP_NAME", 1, conemap__resource_name(e, 0, d->map_name, "_map"));
+    conemap__piece_set(e, "MAP_NAME", 1,
+                       conemap__resource_name(e, 0, d->map_name, f[conemap__flag_kernel] ? "_state" : "_map"));
     conemap__piece_set(e, "HEIGHTS_NAME", 1, conemap__resource_name(e, 1, d->heights_name, "_heights"));
     conemap__piece_set(e, "MAXIMA_NAME", 1, conemap__resource_name(e, 2, d->maxima_name, "_maxima"));
     conemap__piece_set(e, "SAMPLER_NAME", 1, conemap__resource_name(e, 3, d->sampler_name, "_sampler"));
     conemap__piece_set(e, "FETCH_NAME", 1, host ? d->fetch : "");
     conemap__piece_set(e, "FETCH_MAXIMA_NAME", 1, d->fetch_maxima ? d->fetch_maxima : "");
-    conemap__piece_set(e, "FETCH_PARAMS", 0, f[conemap__flag_hardware] ? "float u, float v$SLICE_PARAM" : "int i, int j$SLICE_PARAM");
+    conemap__piece_set(e, "FETCH_PARAMS", 0,
+                       f[conemap__flag_hardware] ? "float u, float v$SLICE_PARAM" : "int i, int j$SLICE_PARAM");
     conemap__piece_set(e, "FETCH_COMMENT", 1, cones ? "height, and the cone as stored" : "height");
-    conemap__piece_set(e, "FILTER_COMMENT", 1, f[conemap__flag_hardware] ? "; linear filter" : f[conemap__flag_gather] ? "; gathered" : "; only fetched");
+    conemap__piece_set(e, "FILTER_COMMENT", 1,
+                       f[conemap__flag_hardware] ? "; linear filter"
+                       : f[conemap__flag_gather] ? "; gathered"
+                                                 : "; only fetched");
     out = conemap__piece_new(e, "MAP_COMMENT", 1);
-    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? "r" : d->map.texture.layout == CONEMAP_DUMMER ? "rgba" : "rg");
+    conemap__append(out, size,
+                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "r"
+                    : d->map.texture.layout == CONEMAP_DUMMER  ? "rgba"
+                                                               : "rg");
     conemap__append(out, size, formats[d->map.texture.format]);
     conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? ", " : ", height and ");
     conemap__append(out, size, encodings[d->map.texture.encoding]);
     if (d->map.texture.per_cell) conemap__append(out, size, ", one for each cell");
     if (d->map.texture.layout == CONEMAP_DUMMER) conemap__append(out, size, ", and slopes, not read here");
-    conemap__append(out, size, f[conemap__flag_hardware] ? "; linear filter" : f[conemap__flag_gather] ? "; gathered" : "; only fetched");
+    conemap__append(out, size,
+                    f[conemap__flag_hardware] ? "; linear filter"
+                    : f[conemap__flag_gather] ? "; gathered"
+                                              : "; only fetched");
     out = conemap__piece_new(e, "SAMPLER", 1);
-    if (f[conemap__flag_es]) conemap__append(out, size, d->map.texture.format == CONEMAP_UNORM8 && d->precision == CONEMAP_MEDIUMP ? "mediump " : "highp ");
+    if (f[conemap__flag_es])
+        conemap__append(out, size,
+                        d->map.texture.format == CONEMAP_UNORM8 && d->precision == CONEMAP_MEDIUMP ? "mediump "
+                                                                                                   : "highp ");
     conemap__append(out, size, array ? "sampler2DArray" : "sampler2D");
     conemap__piece_set(e, "TEXTURE", 1, array ? "Texture2DArray" : "Texture2D");
     out = conemap__piece_new(e, "MAP_TYPE", 1);
     if (unorm) conemap__append(out, size, "unorm ");
-    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? "float" : d->map.texture.layout == CONEMAP_DUMMER ? "float4" : "float2");
+    conemap__append(out, size,
+                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "float"
+                    : d->map.texture.layout == CONEMAP_DUMMER  ? "float4"
+                                                               : "float2");
     conemap__place_resource(e, "MAP_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_map];
     conemap__place_resource(e, "HEIGHTS_LAYOUT", 't', binding);
@@ -7535,9 +7745,11 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
     conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
     conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
-    conemap__piece_set(e, "DEBUG", 0, f[conemap__flag_steps] ? (f[conemap__flag_status] ? "float(hit.steps), float(hit.status), 0.0f, 0.0f"
-                                                                                       : "float(hit.steps), 0.0f, 0.0f, 0.0f")
-                                                             : "0.0f, float(hit.status), 0.0f, 0.0f");
+    conemap__piece_set(e, "DEBUG", 0,
+                       f[conemap__flag_steps]
+                           ? (f[conemap__flag_status] ? "float(hit.steps), float(hit.status), 0.0f, 0.0f"
+                                                      : "float(hit.steps), 0.0f, 0.0f, 0.0f")
+                           : "0.0f, float(hit.status), 0.0f, 0.0f");
 }
 
 /* The function that was asked for, after all that it needs. */
@@ -7546,18 +7758,19 @@ static void conemap__write_trace(conemap__emitter *e) {
     const char *parts[3];
     int k;
     parts[0] = conemap__trace_head;
-    parts[1] = f[conemap__flag_exact]        ? conemap__loop_exact
-               : f[conemap__flag_linear]     ? conemap__loop_linear
-               : f[conemap__flag_loop]       ? conemap__loop_loop
-               : f[conemap__flag_blocks]     ? conemap__loop_blocks
-                                             : conemap__loop_step;
+    parts[1] = f[conemap__flag_exact]    ? conemap__loop_exact
+               : f[conemap__flag_linear] ? conemap__loop_linear
+               : f[conemap__flag_loop]   ? conemap__loop_loop
+               : f[conemap__flag_blocks] ? conemap__loop_blocks
+                                         : conemap__loop_step;
     parts[2] = conemap__trace_tail;
     for (k = 0; k < 6; ++k) conemap__lines(e, parts[k % 3], k < 3);
     if (e->desc.stage != CONEMAP_STAGE_FUNCTIONS) conemap__put(e, "\n", 1);
 }
 
 /* One pass of the emitter; with text null it only counts. */
-static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size) {
+static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *text, size_t capacity,
+                                         size_t *size) {
     conemap__emitter e;
     conemap_result result;
     memset(&e, 0, sizeof e);
@@ -7581,7 +7794,8 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
     return CONEMAP_OK;
 }
 
-CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size) {
+CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity,
+                                         size_t *size) {
     size_t needed = 0;
     conemap_result result;
     if (!desc || (!text && !size)) return CONEMAP_ERROR_NULL;
@@ -7591,6 +7805,225 @@ CONEMAP__DEF conemap_result conemap_emit(const conemap_shader_desc *desc, char *
     if (!text) return CONEMAP_OK;
     if (capacity < needed) return CONEMAP_ERROR_BUFFER;
     return conemap__emit_once(desc, text, capacity, &needed);
+}
+
+/* ---- kernels ---- */
+
+static const char conemap__kernel_head[] =
+    "?version #version $VERSION\n"
+    "?ring // conemap.h: one batch of the ring search for cones.\n"
+    "?steepest // conemap.h: of each 3x3 block the narrowest cone.\n"
+    "?safe // conemap.h: cones made safe for the bilinear surface.\n"
+    "?store // conemap.h: cones as the texture keeps them.\n"
+    "?uses_heights // $HEIGHTS_NAME: height in the first channel; only fetched\n"
+    "?!host_state // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?size_argument // size: the map's width and height in texels.\n"
+    "?c #include <math.h>\n"
+    "\n"
+    "?es precision $PRECISION float;\n"
+    "?es precision highp int;\n"
+    "?!host_state,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
+    "?!host_state,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
+    "?host float $FETCH_NAME(int i, int j);\n"
+    "?host_state float $FETCH_MAXIMA_NAME(int i, int j);\n"
+    "\n";
+
+static const char conemap__kernel_main[] =
+    "?ring,glsl,!vulkan uniform int conemap_first, conemap_last;\n"
+    "?ring,vulkan layout(push_constant) uniform conemap_arguments {\n"
+    "?ring,hlsl cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?ring,vulkan     int conemap_first, conemap_last;\n"
+    "?ring,hlsl     int conemap_first, conemap_last;\n"
+    "?ring,vulkan };\n"
+    "?ring,hlsl };\n"
+    "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
+    "?fragment,glsl,!located out vec4 conemap_color;\n"
+    "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
+    "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
+    "?compute,hlsl RWTexture2D<$OUT_TYPE> conemap_out$OUT_LAYOUT;\n"
+    "\n"
+    "?fragment,hlsl float4 main(float4 place : SV_Position) : SV_Target {\n"
+    "?compute,hlsl [numthreads(8, 8, 1)]\n"
+    "?compute,hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?glsl void main() {\n"
+    "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+    "?fragment,glsl     int i = int(gl_FragCoord.x), j = int(gl_FragCoord.y);\n"
+    "?fragment,hlsl     int i = int(place.x), j = int(place.y);\n"
+    "?compute,glsl     int i = int(gl_GlobalInvocationID.x), j = int(gl_GlobalInvocationID.y);\n"
+    "?compute,hlsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute     if (i >= $W || j >= $H) return;\n"
+    "?fragment,glsl     conemap_color = vec4($RESULT);\n"
+    "?fragment,hlsl     return vec4($RESULT);\n"
+    "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,hlsl     conemap_out[uint2(thread.xy)] = $RESULT_HLSL;\n"
+    "}\n";
+
+/* Sets the emitter up for a kernel: only the fields that matter are taken over from the desc. */
+static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap_shader_desc *desc,
+                                              conemap_kernel kernel) {
+    conemap_shader_desc *d = &e->desc;
+    unsigned char *f = e->flags;
+    conemap_texture texture = desc->map.texture;
+    conemap_result result;
+    d->dialect = desc->dialect;
+    d->stage = desc->stage;
+    d->map = desc->map;
+    d->map.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+    d->map.texture.per_cell = 0;
+    d->map.texture.layout = CONEMAP_CONE_ONLY; /* heights in a texture of their own */
+    d->fixed_size = desc->fixed_size;
+    d->prefix = desc->prefix;
+    d->binding = desc->binding;
+    d->set = desc->set;
+    d->precision = desc->precision;
+    d->map_name = desc->map_name;
+    d->heights_name = desc->heights_name;
+    d->fetch = desc->fetch;
+    d->fetch_maxima = desc->fetch_maxima;
+    d->trace.tracer = CONEMAP_TRACE_LINEAR; /* which reads heights alone */
+    if (!CONEMAP__KNOWN(kernel, CONEMAP_KERNEL_COUNT)) return CONEMAP_ERROR_ENUM;
+    result = conemap__check_texture(&texture);
+    if (result == CONEMAP_OK) result = conemap__resolve_shader(e);
+    if (result != CONEMAP_OK) return result;
+    f[conemap__flag_kernel] = 1;
+    f[conemap__flag_linear] = 0;
+    f[conemap__flag_ring] = kernel == CONEMAP_KERNEL_RING;
+    f[conemap__flag_steepest] = kernel == CONEMAP_KERNEL_MIN3X3;
+    f[conemap__flag_safe] = kernel == CONEMAP_KERNEL_SAFE;
+    f[conemap__flag_store] = kernel == CONEMAP_KERNEL_STORE;
+    f[conemap__flag_sqrt] = texture.encoding == CONEMAP_SQRT;
+    f[conemap__flag_radius] = texture.encoding == CONEMAP_RADIUS;
+    f[conemap__flag_unorm] = texture.format == CONEMAP_UNORM16 || texture.format == CONEMAP_UNORM8;
+    f[conemap__flag_half] = texture.format == CONEMAP_F16;
+    f[conemap__flag_pair] = f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE;
+    f[conemap__flag_host_state] = d->fetch_maxima != NULL;
+    f[conemap__flag_uses_map] = !d->fetch_maxima;
+    f[conemap__flag_uses_heights] =
+        !d->fetch &&
+        (f[conemap__flag_ring] || f[conemap__flag_safe] ||
+         (f[conemap__flag_store] &&
+          (f[conemap__flag_radius] || (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS))));
+    f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || f[conemap__flag_safe] ||
+                                         (f[conemap__flag_store] && f[conemap__flag_radius]));
+    if ((d->fetch == NULL) != (d->fetch_maxima == NULL) || (d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
+        (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
+        (f[conemap__flag_store] && f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE &&
+         (f[conemap__flag_pair] || texture.format != CONEMAP_F32))) /* ES 3.1 has no such images */
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if (!d->fixed_size && !d->fetch) f[conemap__flag_size_asked] = 1;
+    return CONEMAP_OK;
+}
+
+static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
+                                                size_t capacity, size_t *size) {
+    static const char *const functions[CONEMAP_KERNEL_COUNT] = {"conemap_ring", "conemap_steepest", "conemap_safe",
+                                                                "conemap_stored"};
+    static const char *const calls[CONEMAP_KERNEL_COUNT] = {
+        "conemap_ring(i, j, conemap_first, conemap_last$SIZE)", "conemap_steepest(i, j$SIZE)",
+        "conemap_safe(i, j$SIZE)", "conemap_stored(i, j$SIZE)"};
+    static const char *const formats[CONEMAP_FORMAT_COUNT][2] = {
+        {"r32f", "rg32f"}, {"r16f", "rg16f"}, {"r16", "rg16"}, {"r8", "rg8"}};
+    conemap__emitter e;
+    conemap_result result;
+    char *out;
+    int binding, pair;
+    memset(&e, 0, sizeof e);
+    e.text = text;
+    e.capacity = capacity;
+    result = conemap__resolve_kernel(&e, desc, kernel);
+    if (result != CONEMAP_OK) return result;
+    conemap__make_pieces(&e);
+    pair = e.flags[conemap__flag_pair];
+    binding = e.desc.binding + 1 + e.flags[conemap__flag_uses_heights];
+    conemap__piece_set(&e, "OUT_FORMAT", 1,
+                       formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][pair]);
+    conemap__piece_set(&e, "OUT_TYPE", 1,
+                       pair ? (e.flags[conemap__flag_unorm] ? "unorm float2" : "float2")
+                       : kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm] ? "unorm float"
+                                                                                        : "float");
+    conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b',
+                            e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
+    out = conemap__piece_new(&e, "RESULT", 0);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
+    conemap__append(out, CONEMAP__PIECE_SIZE, pair ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
+    out = conemap__piece_new(&e, "RESULT_HLSL", 0);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "vec2(conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
+    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, ")");
+    conemap__lines(&e, conemap__kernel_head, 0);
+    conemap__lines(&e, conemap__kernel_head, 1);
+    conemap__snippet_named(&e, functions[kernel], strlen(functions[kernel]));
+    if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
+        conemap__lines(&e, conemap__kernel_main, 1);
+        conemap__lines(&e, conemap__kernel_main, 0);
+    }
+    if (e.clash) return CONEMAP_ERROR_PARAMETER;
+    *size = e.size + 1;
+    if (text && e.size < capacity) text[e.size] = 0;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
+                                                size_t capacity, size_t *size) {
+    size_t needed = 0;
+    conemap_result result;
+    if (!desc || (!text && !size)) return CONEMAP_ERROR_NULL;
+    result = conemap__emit_kernel_once(desc, kernel, NULL, 0, &needed);
+    if (result != CONEMAP_OK) return result;
+    if (size) *size = needed;
+    if (!text) return CONEMAP_OK;
+    if (capacity < needed) return CONEMAP_ERROR_BUFFER;
+    return conemap__emit_kernel_once(desc, kernel, text, capacity, &needed);
+}
+
+CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch,
+                                               conemap_gpu_pass *passes, int capacity, int *count) {
+    int first = 1, made = 0, write, reach, w, h;
+    if (!desc || !count) return CONEMAP_ERROR_NULL;
+    w = desc->map.width;
+    h = desc->map.height;
+    if (w < 1 || h < 1 || w > CONEMAP_MAX_SIZE || h > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
+    if (batch < 0) return CONEMAP_ERROR_PARAMETER;
+    if (batch == 0) batch = 4096;
+    reach = conemap__maxi(1, conemap__maxi(w, h) -
+                                 1);      /* with wrap that is farther than the nearest image of any texel */
+    for (write = 0; write < 2; ++write) { /* first count them */
+        int steps;
+        if (write && (!passes || capacity < made)) break;
+        for (first = 1, steps = 0; first <= reach + 3; ++steps) {
+            conemap_gpu_pass pass;
+            int last = first;
+            memset(&pass, 0, sizeof pass);
+            while (last < reach &&
+                   (int64_t)4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch)
+                ++last;
+            pass.kernel = first <= reach       ? CONEMAP_KERNEL_RING
+                          : first == reach + 1 ? CONEMAP_KERNEL_MIN3X3
+                          : first == reach + 2 ? CONEMAP_KERNEL_SAFE
+                                               : CONEMAP_KERNEL_STORE;
+            if (pass.kernel == CONEMAP_KERNEL_RING) {
+                pass.first = first;
+                pass.last = last;
+            }
+            first = pass.kernel == CONEMAP_KERNEL_RING ? last + 1 : first + 1;
+            if ((pass.kernel == CONEMAP_KERNEL_MIN3X3 && !desc->map.min3x3) ||
+                (pass.kernel == CONEMAP_KERNEL_SAFE && desc->map.guarantee == CONEMAP_GUARANTEE_VERTEX)) {
+                --steps;
+                continue;
+            }
+            pass.reads = steps & 1;
+            pass.writes = pass.kernel == CONEMAP_KERNEL_STORE ? 2 : 1 - pass.reads;
+            pass.groups_x = (w + 7) / 8;
+            pass.groups_y = (h + 7) / 8;
+            if (write) passes[steps] = pass;
+        }
+        made = steps;
+    }
+    *count = made;
+    return passes && capacity < made ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
 }
 
 /* How many levels a square of 2^n has that holds all cells. */
@@ -7615,7 +8048,7 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
         for (x = 0; x < side; ++x)
             values[(size_t)y * (size_t)side + (size_t)x] =
                 x >= map->cells.width[level] || y >= map->cells.height[level] ? 0.0f
-                : level == 0 ? conemap__cell_max(map, x, y)
+                : level == 0                                                  ? conemap__cell_max(map, x, y)
                              : conemap__block_max(&map->cells, level, x, y);
     return CONEMAP_OK;
 }

@@ -4,16 +4,19 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static const char *const dialects[] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300", "es310", "hlsl50", "hlsl60", "c99", NULL};
+static const char *const dialects[] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
+                                       "es310",   "hlsl50",  "hlsl60",  "c99",    NULL};
 static const char *const stages[] = {"functions", "fragment", "compute", NULL};
-static const char *const tracers[] = {"default", "exact", "linear", "fixed", "loop", "exact-step", "cell-max", "maxmip", "qdm", NULL};
+static const char *const tracers[] = {"default",    "exact",    "linear", "fixed", "loop",
+                                      "exact-step", "cell-max", "maxmip", "qdm",   NULL};
 static const char *const refinements[] = {"none", "secant", "bisect", NULL};
 static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8", NULL};
 static const char *const encodings[] = {"linear", "sqrt", "radius", NULL};
 static const char *const layouts[] = {"height-cone", "cone-only", "dummer", NULL};
 static const char *const wraps[] = {"clamp", "wrap", "nothing", NULL};
 static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
-static const char *const guarantees[] = {"default", "none", "vertex", "bilinear", "relaxed", "relaxed-bilinear", NULL};
+static const char *const guarantees[] = {"default",          "none", "vertex", "bilinear", "relaxed",
+                                         "relaxed-bilinear", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
 
 struct option {
@@ -30,14 +33,16 @@ static void help(const struct option *options) {
     printf("emit [options]: prints a shader that traces rays through a cone map\n\n");
     for (k = 0; options[k].name; ++k) {
         printf("  %-18s", options[k].name);
-        for (w = 0; options[k].words && options[k].words[w]; ++w) printf("%s%s", w ? " | " : "", options[k].words[w]);
+        for (w = 0; options[k].words && options[k].words[w]; ++w)
+            printf("%s%s", w ? " | " : "", options[k].words[w]);
         printf("%s\n", options[k].help);
     }
 }
 
 int main(int argument_count, char **arguments) {
     conemap_shader_desc desc = {0};
-    int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0, wrap_v = 0;
+    int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
+        wrap_v = 0;
     int filter = 0, guarantee = 0, precision = 0, k, m;
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
@@ -95,7 +100,8 @@ int main(int argument_count, char **arguments) {
         }
         while (option->name && strcmp(option->name, arguments[k]) != 0) ++option;
         if (!option->name || k + 1 == argument_count) {
-            fprintf(stderr, "emit: %s: %s (--help lists the options)\n", arguments[k], option->name ? "needs a value" : "unknown");
+            fprintf(stderr, "emit: %s: %s (--help lists the options)\n", arguments[k],
+                    option->name ? "needs a value" : "unknown");
             return 1;
         }
         if (option->words) {

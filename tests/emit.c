@@ -22,46 +22,45 @@ static struct {
 } bound;
 
 #define TEXEL(i, j) ((size_t)(j) * (size_t)bound.map->info.width + (size_t)(i))
-#define INSIDE(i, j) CHECK((i) >= 0 && (j) >= 0 && (i) < bound.map->info.width && (j) < bound.map->info.height, "fetch %d %d", i, j)
-#define FETCH_CONES(p)                                     \
-    p##_vec2 p##_fetch(int i, int j)                       \
-    {                                                      \
-        p##_vec2 v = {0.0f, 0.0f};                         \
-        if (!INSIDE(i, j)) return v;                       \
-        v.x = bound.map->heights[TEXEL(i, j)];             \
-        v.y = bound.map->cones[TEXEL(i, j)];               \
-        return v;                                          \
+#define INSIDE(i, j)                                                                                              \
+    CHECK((i) >= 0 && (j) >= 0 && (i) < bound.map->info.width && (j) < bound.map->info.height, "fetch %d %d", i, j)
+#define FETCH_CONES(p)                                                                                            \
+    p##_vec2 p##_fetch(int i, int j)                                                                              \
+    {                                                                                                             \
+        p##_vec2 v = {0.0f, 0.0f};                                                                                \
+        if (!INSIDE(i, j)) return v;                                                                              \
+        v.x = bound.map->heights[TEXEL(i, j)];                                                                    \
+        v.y = bound.map->cones[TEXEL(i, j)];                                                                      \
+        return v;                                                                                                 \
     }
-#define FETCH_HEIGHTS(p)                                   \
-    float p##_fetch(int i, int j)                          \
-    {                                                      \
-        return INSIDE(i, j) ? bound.map->heights[TEXEL(i, j)] : 0.0f; \
+#define FETCH_HEIGHTS(p)                                                                                          \
+    float p##_fetch(int i, int j) { return INSIDE(i, j) ? bound.map->heights[TEXEL(i, j)] : 0.0f; }
+#define FETCH_MAXIMA(p)                                                                                           \
+    float p##_maxima(int i, int j, int level)                                                                     \
+    {                                                                                                             \
+        int side = bound.side >> level;                                                                           \
+        if (!CHECK(i >= 0 && j >= 0 && side > 0 && i < side && j < side, "maxima %d %d %d", i, j, level))         \
+            return 0.0f;                                                                                          \
+        return bound.maxima[level][(size_t)j * (size_t)side + (size_t)i];                                         \
     }
-#define FETCH_MAXIMA(p)                                                                              \
-    float p##_maxima(int i, int j, int level)                                                        \
-    {                                                                                                \
-        int side = bound.side >> level;                                                              \
-        if (!CHECK(i >= 0 && j >= 0 && side > 0 && i < side && j < side, "maxima %d %d %d", i, j, level)) return 0.0f; \
-        return bound.maxima[level][(size_t)j * (size_t)side + (size_t)i];                            \
-    }
-#define ANSWER(p)                                                        \
-    struct shader_hit answer;                                            \
-    p##_vec3 o, d;                                                       \
-    p##_ivec2 size;                                                      \
-    p##_hit hit;                                                         \
-    o.x = ray->origin[0], o.y = ray->origin[1], o.z = ray->origin[2];    \
-    d.x = ray->direction[0], d.y = ray->direction[1], d.z = ray->direction[2]; \
-    size.x = bound.map->info.width, size.y = bound.map->info.height;     \
-    hit = p##_trace(o, d EXTRA, size);                                   \
-    answer.found = hit.found;                                            \
-    answer.t = hit.t;                                                    \
-    answer.status = hit.status;                                          \
-    answer.steps = hit.steps;                                            \
-    answer.position[0] = hit.position.x;                                 \
-    answer.position[1] = hit.position.y;                                 \
-    answer.position[2] = hit.position.z;                                 \
+#define ANSWER(p)                                                                                                 \
+    struct shader_hit answer;                                                                                     \
+    p##_vec3 o, d;                                                                                                \
+    p##_ivec2 size;                                                                                               \
+    p##_hit hit;                                                                                                  \
+    o.x = ray->origin[0], o.y = ray->origin[1], o.z = ray->origin[2];                                             \
+    d.x = ray->direction[0], d.y = ray->direction[1], d.z = ray->direction[2];                                    \
+    size.x = bound.map->info.width, size.y = bound.map->info.height;                                              \
+    hit = p##_trace(o, d EXTRA, size);                                                                            \
+    answer.found = hit.found;                                                                                     \
+    answer.t = hit.t;                                                                                             \
+    answer.status = hit.status;                                                                                   \
+    answer.steps = hit.steps;                                                                                     \
+    answer.position[0] = hit.position.x;                                                                          \
+    answer.position[1] = hit.position.y;                                                                          \
+    answer.position[2] = hit.position.z;                                                                          \
     return answer;
-#define RUN(p)                                                           \
+#define RUN(p)                                                                                                    \
     static struct shader_hit p##_run(const conemap_ray *ray) { ANSWER(p) }
 
 #include "golden/exact_c.h"
@@ -85,6 +84,42 @@ FETCH_HEIGHTS(maxmip)
 FETCH_HEIGHTS(qdm)
 FETCH_MAXIMA(maxmip)
 FETCH_MAXIMA(qdm)
+
+/* ---- the kernels, run as C pass by pass ---- */
+
+#include "golden/kernel_ring_c.h"
+#include "golden/kernel_min_c.h"
+#include "golden/kernel_safe_c.h"
+#include "golden/kernel_store_c.h"
+
+static struct {
+    int width, height;
+    const float *heights;
+    float *state; /* the copy that is read */
+} grid;
+
+static float grid_height(int i, int j)
+{
+    return CHECK(i >= 0 && j >= 0 && i < grid.width && j < grid.height, "height %d %d", i, j)
+               ? grid.heights[j * grid.width + i]
+               : 0.0f;
+}
+
+static float grid_state(int i, int j)
+{
+    return CHECK(i >= 0 && j >= 0 && i < grid.width && j < grid.height, "state %d %d", i, j)
+               ? grid.state[j * grid.width + i]
+               : 0.0f;
+}
+
+float kring_fetch(int i, int j) { return grid_height(i, j); }
+float ksafe_fetch(int i, int j) { return grid_height(i, j); }
+float ksafe_state(int i, int j) { return grid_state(i, j); }
+float kstore_fetch(int i, int j) { return grid_height(i, j); }
+float kring_state(int i, int j) { return grid_state(i, j); }
+float kmin_state(int i, int j) { return grid_state(i, j); }
+float kstore_state(int i, int j) { return grid_state(i, j); }
+
 #define EXTRA
 RUN(exact)
 RUN(back)
@@ -102,6 +137,7 @@ struct golden {
     conemap_shader_desc desc;
     struct shader_hit (*run)(const conemap_ray *ray); /* null: text only */
     conemap_generator generator;
+    int kernel; /* -1: a tracer */
 };
 
 static struct golden goldens[16];
@@ -114,6 +150,7 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
     struct golden *g = &goldens[golden_count];
     memset(g, 0, sizeof *g);
     g->file = file;
+    g->kernel = -1;
     g->run = run;
     g->desc.trace.tracer = tracer;
     if (run) {
@@ -122,7 +159,8 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
         g->desc.dialect = CONEMAP_C99;
         g->desc.prefix = prefix;
         g->desc.fetch = names[golden_count][0];
-        if (tracer == CONEMAP_TRACE_MAXMIP || tracer == CONEMAP_TRACE_QDM) g->desc.fetch_maxima = names[golden_count][1];
+        if (tracer == CONEMAP_TRACE_MAXMIP || tracer == CONEMAP_TRACE_QDM)
+            g->desc.fetch_maxima = names[golden_count][1];
         g->desc.steps = g->desc.status = 1;
     }
     ++golden_count;
@@ -132,6 +170,7 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
 static void golden_table(void)
 {
     conemap_shader_desc *d;
+    int k;
     golden_count = 0;
     d = golden_new("exact_c.h", "exact", CONEMAP_TRACE_EXACT, exact_run);
     d = golden_new("back_c.h", "back", CONEMAP_TRACE_EXACT, back_run);
@@ -163,20 +202,40 @@ static void golden_table(void)
     d->dialect = CONEMAP_HLSL_50;
     d->map.wrap_u = CONEMAP_WRAP;
     d->array = 1;
+    for (k = 0; k < 4; ++k) {
+        static const char *const kernels[4][4] = {{"kernel_ring_c.h", "kring", "kring_fetch", "kring_state"},
+                                                  {"kernel_min_c.h", "kmin", "kmin_fetch", "kmin_state"},
+                                                  {"kernel_safe_c.h", "ksafe", "ksafe_fetch", "ksafe_state"},
+                                                  {"kernel_store_c.h", "kstore", "kstore_fetch", "kstore_state"}};
+        d = golden_new(kernels[k][0], NULL, CONEMAP_TRACE_DEFAULT, NULL);
+        goldens[golden_count - 1].kernel = k;
+        d->dialect = CONEMAP_C99;
+        d->prefix = kernels[k][1];
+        d->fetch = kernels[k][2];
+        d->fetch_maxima = kernels[k][3];
+        d->map.wrap_v = CONEMAP_WRAP;
+        d->map.aspect = 0.75f;
+        d->map.texture.format = CONEMAP_UNORM16;
+        d->map.texture.encoding = CONEMAP_RADIUS;
+    }
 }
 
-static char *emit(const conemap_shader_desc *desc)
+static char *emit_any(const conemap_shader_desc *desc, int kernel)
 {
     size_t size = 0;
     char *text;
-    conemap_result result = conemap_emit(desc, NULL, 0, &size);
+    conemap_result result = kernel < 0 ? conemap_emit(desc, NULL, 0, &size)
+                                       : conemap_emit_kernel(desc, (conemap_kernel)kernel, NULL, 0, &size);
     if (!CHECK(result == CONEMAP_OK && size > 100, "emit: %s", conemap_result_string(result))) return NULL;
     text = (char *)test_alloc(size);
-    result = conemap_emit(desc, text, size, NULL);
+    result = kernel < 0 ? conemap_emit(desc, text, size, NULL)
+                        : conemap_emit_kernel(desc, (conemap_kernel)kernel, text, size, NULL);
     CHECK(result == CONEMAP_OK && strlen(text) + 1 == size, "emit: %s, %d of %d", conemap_result_string(result),
           (int)strlen(text), (int)size);
     return text;
 }
+
+static char *emit(const conemap_shader_desc *desc) { return emit_any(desc, -1); }
 
 /* The golden files hold what the emitter writes now, so what runs below is the emitter's text. */
 static void golden_files(void)
@@ -184,7 +243,7 @@ static void golden_files(void)
     int k;
     golden_table();
     for (k = 0; k < golden_count; ++k) {
-        char path[64], *text = emit(&goldens[k].desc), *file;
+        char path[64], *text = emit_any(&goldens[k].desc, goldens[k].kernel), *file;
         size_t size, length;
         FILE *stream;
         if (!text) return;
@@ -216,7 +275,8 @@ static void bind_map(const conemap_map *map)
         size_t side = (size_t)(bound.side >> k), size = side * side * sizeof(float);
         bound.maxima[k] = (float *)test_alloc(size);
         CHECK(conemap_write_maxima(map, k, bound.maxima[k], size) == CONEMAP_OK, "maxima %d", k);
-        CHECK(conemap_write_maxima(map, k, bound.maxima[k], size - 1) == CONEMAP_ERROR_BUFFER, "small maxima %d", k);
+        CHECK(conemap_write_maxima(map, k, bound.maxima[k], size - 1) == CONEMAP_ERROR_BUFFER, "small maxima %d",
+              k);
     }
 }
 
@@ -256,7 +316,8 @@ static void runs_as_c(void)
                 desc.texture = shader->map.texture;
                 desc.generator = goldens[g].generator;
                 desc.keep_pyramid = 1;
-                if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s %s", goldens[g].file, zoo_name(kind))) return;
+                if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s %s", goldens[g].file, zoo_name(kind)))
+                    return;
                 truth.width = sizes[size][0];
                 truth.height = sizes[size][1];
                 truth.wrap_u = (int)desc.wrap_u;
@@ -266,7 +327,8 @@ static void runs_as_c(void)
                 for (k = 0; k < 48; ++k) {
                     conemap_ray ray = compare_ray(&random, truth.width, truth.height, k);
                     struct shader_hit hit;
-                    if ((truth.wrap_u == 1 || truth.wrap_v == 1) && ray.direction[2] > -0.01f && ray.direction[2] < 0.01f)
+                    if ((truth.wrap_u == 1 || truth.wrap_v == 1) && ray.direction[2] > -0.01f &&
+                        ray.direction[2] < 0.01f)
                         continue;
                     hit = goldens[g].run(&ray);
                     compare_hit(&map, &truth, &shader->trace, &ray, &hit, &counts);
@@ -278,16 +340,133 @@ static void runs_as_c(void)
         CHECK(counts.hits > counts.rays / 4, "%s: %d hits of %d rays", goldens[g].file, counts.hits, counts.rays);
         CHECK(counts.different * 1000 <= counts.rays, "%s: %d of %d rays differ from the CPU's", goldens[g].file,
               counts.different, counts.rays);
-        CHECK(counts.unexplained == 0, "%s: %d rays differ and lie on no edge", goldens[g].file, counts.unexplained);
+        CHECK(counts.unexplained == 0, "%s: %d rays differ and lie on no edge", goldens[g].file,
+              counts.unexplained);
         CHECK(counts.misses == 0, "%s: %d misses", goldens[g].file, counts.misses);
         if (getenv("CONEMAP_SHOW"))
-            printf("%-12s rays %d hits %d different %d unexplained %d strict %d misses %d\n", goldens[g].file, counts.rays,
-                   counts.hits, counts.different, counts.unexplained, counts.strict_misses, counts.misses);
+            printf("%-12s rays %d hits %d different %d unexplained %d strict %d misses %d\n", goldens[g].file,
+                   counts.rays, counts.hits, counts.different, counts.unexplained, counts.strict_misses,
+                   counts.misses);
         all.rays += counts.rays;
         all.different += counts.different;
         all.strict_misses += counts.strict_misses;
     }
     test_note("%d rays in emitted C, %d on edges", all.rays, all.different);
+}
+
+/* The passes, each texel in turn: vertex cones against the CPU's ring search, never wider and narrower by rounding only;
+   those made safe against the verifier, which proves them. */
+static void kernels_as_c(void)
+{
+    static const int sizes[][2] = {{1, 1}, {1, 7}, {2, 2}, {17, 13}, {24, 31}};
+    static float heights[24 * 31], states[2][24 * 31], cones[24 * 31];
+    int kind, size, min3x3, k, i, j, compared = 0, safe;
+    double aperture = 0.0, safe_aperture = 0.0;
+    for (min3x3 = 0; min3x3 < 3; ++min3x3)
+        for (kind = 0; kind < ZOO_KINDS; ++kind)
+            for (size = 0; size < (int)(sizeof sizes / sizeof sizes[0]); ++size) {
+                const int w = sizes[size][0], h = sizes[size][1], batch = size == 3 ? 1 : size == 4 ? 300 : 0;
+                conemap_desc desc;
+                conemap_shader_desc shader;
+                conemap_map map;
+                conemap_gpu_pass passes[64];
+                int count = 0;
+                memset(&desc, 0, sizeof desc);
+                memset(&shader, 0, sizeof shader);
+                zoo_fill(kind, w, h, 31, heights);
+                desc.heights.pixels = heights;
+                desc.heights.width = w;
+                desc.heights.height = h;
+                desc.wrap_v = CONEMAP_WRAP;
+                desc.aspect = 0.75f;
+                desc.generator = CONEMAP_RING;
+                desc.min3x3 = min3x3 == 1;
+                safe = min3x3 == 2;
+                desc.texture.format = CONEMAP_UNORM16;
+                desc.texture.encoding = CONEMAP_RADIUS;
+                if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s", zoo_name(kind))) return;
+                shader.map = map.info;
+                if (safe) shader.map.guarantee = CONEMAP_GUARANTEE_BILINEAR;
+                CHECK(conemap_gpu_passes(&shader, batch, NULL, 0, &count) == CONEMAP_OK &&
+                          count >= 2 + (min3x3 > 0) && count <= 64,
+                      "%d passes", count);
+                passes[count - 1].kernel = CONEMAP_KERNEL_COUNT;
+                CHECK(conemap_gpu_passes(&shader, batch, passes, count - 1, &count) == CONEMAP_ERROR_BUFFER &&
+                          passes[count - 1].kernel == CONEMAP_KERNEL_COUNT,
+                      "too few passes");
+                if (!CHECK(conemap_gpu_passes(&shader, batch, passes, 64, &count) == CONEMAP_OK, "passes")) return;
+                grid.width = w;
+                grid.height = h;
+                grid.heights = map.heights;
+                memset(states, 0, sizeof states);
+                for (k = 0; k < count; ++k) {
+                    float *out = passes[k].writes == 2 ? cones : states[passes[k].writes];
+                    CHECK(passes[k].reads != passes[k].writes && (passes[k].writes == 2) == (k == count - 1),
+                          "pass %d", k);
+                    CHECK(passes[k].groups_x * 8 >= w && passes[k].groups_y * 8 >= h, "pass %d: groups", k);
+                    grid.state = states[passes[k].reads];
+                    for (j = 0; j < h; ++j)
+                        for (i = 0; i < w; ++i) {
+                            kring_ivec2 a = {w, h};
+                            kmin_ivec2 b = {w, h};
+                            ksafe_ivec2 s = {w, h};
+                            kstore_ivec2 c = {w, h};
+                            out[j * w + i] = passes[k].kernel == CONEMAP_KERNEL_RING
+                                                 ? kring_ring(i, j, passes[k].first, passes[k].last, a)
+                                             : passes[k].kernel == CONEMAP_KERNEL_MIN3X3 ? kmin_steepest(i, j, b)
+                                             : passes[k].kernel == CONEMAP_KERNEL_SAFE   ? ksafe_safe(i, j, s)
+                                                                                         : kstore_stored(i, j, c);
+                        }
+                }
+                if (safe) {
+                    conemap_report report;
+                    CHECK(conemap_verify(&map.info, map.heights, cones, NULL, &report) == CONEMAP_OK &&
+                              report.unsafe == 0 && report.unproven == 0,
+                          "%s %dx%d: %d cells unsafe, %d unproven", zoo_name(kind), w, h, (int)report.unsafe,
+                          (int)report.unproven);
+                }
+                for (k = 0; k < w * h && safe; ++k) {
+                    CHECK(cones[k] <= map.cones[k], "a safe cone is wider");
+                    aperture += (double)map.cones[k];
+                    safe_aperture += (double)cones[k];
+                }
+                for (k = 0; k < w * h && !safe; ++k) {
+                    const float right = map.cones[k];
+                    CHECK(cones[k] <= right && cones[k] >= right - 2.0f / 65535.0f,
+                          "%s %dx%d min %d texel %d: %.9g, right %.9g", zoo_name(kind), w, h, min3x3, k,
+                          (double)cones[k], (double)right);
+                    ++compared;
+                }
+                conemap_free(&map);
+            }
+    test_note("%d cones by kernels; made safe they keep %.0f %%", compared, 100.0 * safe_aperture / aperture);
+}
+
+static void bad_kernels(void)
+{
+    conemap_shader_desc d;
+    conemap_gpu_pass pass;
+    size_t size = 5;
+    int count = 7;
+    memset(&d, 0, sizeof d);
+    CHECK(conemap_emit_kernel(NULL, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_NULL, "null desc");
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, NULL) == CONEMAP_ERROR_NULL,
+          "nothing to write to");
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_COUNT, NULL, 0, &size) == CONEMAP_ERROR_ENUM, "kernel");
+    d.stage = CONEMAP_STAGE_COMPUTE;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
+          "compute in GLSL 330");
+    d.dialect = CONEMAP_ESSL_310;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
+          "two channels in ES");
+    d.stage = CONEMAP_STAGE_FRAGMENT;
+    d.map.texture.layout = CONEMAP_DUMMER;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "slopes");
+    CHECK(size == 5, "a size was written");
+    CHECK(conemap_gpu_passes(NULL, 0, &pass, 1, &count) == CONEMAP_ERROR_NULL, "null desc");
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_SIZE, "no size");
+    d.map.width = d.map.height = 4;
+    CHECK(conemap_gpu_passes(&d, -1, &pass, 1, &count) == CONEMAP_ERROR_PARAMETER && count == 7, "batch");
 }
 
 /* ---- what is refused, and sizes ---- */
@@ -298,16 +477,19 @@ static void bad_input(void)
         int what;
         conemap_result result;
     } cases[] = {
-        {0, CONEMAP_ERROR_ENUM},         {1, CONEMAP_ERROR_ENUM},        {2, CONEMAP_ERROR_ENUM},         {3, CONEMAP_ERROR_ENUM},
-        {4, CONEMAP_ERROR_ENUM},         {5, CONEMAP_ERROR_ENUM},        {6, CONEMAP_ERROR_ENUM},         {7, CONEMAP_ERROR_PARAMETER},
-        {8, CONEMAP_ERROR_PARAMETER},    {9, CONEMAP_ERROR_PARAMETER},   {10, CONEMAP_ERROR_PARAMETER},   {11, CONEMAP_ERROR_PARAMETER},
-        {12, CONEMAP_ERROR_PARAMETER},   {13, CONEMAP_ERROR_PARAMETER},  {14, CONEMAP_ERROR_SIZE},        {15, CONEMAP_ERROR_UNSUPPORTED},
-        {16, CONEMAP_ERROR_UNSUPPORTED}, {17, CONEMAP_ERROR_UNSUPPORTED}, {18, CONEMAP_ERROR_UNSUPPORTED}, {19, CONEMAP_ERROR_UNSUPPORTED},
-        {20, CONEMAP_ERROR_UNSUPPORTED}, {21, CONEMAP_ERROR_UNSUPPORTED}, {22, CONEMAP_ERROR_UNSUPPORTED}, {23, CONEMAP_ERROR_UNSUPPORTED},
-        {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},   {27, CONEMAP_ERROR_PARAMETER},
-        {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
+        {0, CONEMAP_ERROR_ENUM},         {1, CONEMAP_ERROR_ENUM},         {2, CONEMAP_ERROR_ENUM},
+        {3, CONEMAP_ERROR_ENUM},         {4, CONEMAP_ERROR_ENUM},         {5, CONEMAP_ERROR_ENUM},
+        {6, CONEMAP_ERROR_ENUM},         {7, CONEMAP_ERROR_PARAMETER},    {8, CONEMAP_ERROR_PARAMETER},
+        {9, CONEMAP_ERROR_PARAMETER},    {10, CONEMAP_ERROR_PARAMETER},   {11, CONEMAP_ERROR_PARAMETER},
+        {12, CONEMAP_ERROR_PARAMETER},   {13, CONEMAP_ERROR_PARAMETER},   {14, CONEMAP_ERROR_SIZE},
+        {15, CONEMAP_ERROR_UNSUPPORTED}, {16, CONEMAP_ERROR_UNSUPPORTED}, {17, CONEMAP_ERROR_UNSUPPORTED},
+        {18, CONEMAP_ERROR_UNSUPPORTED}, {19, CONEMAP_ERROR_UNSUPPORTED}, {20, CONEMAP_ERROR_UNSUPPORTED},
+        {21, CONEMAP_ERROR_UNSUPPORTED}, {22, CONEMAP_ERROR_UNSUPPORTED}, {23, CONEMAP_ERROR_UNSUPPORTED},
+        {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},
+        {27, CONEMAP_ERROR_PARAMETER},   {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
     };
-    static const char long_name[] = "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
+    static const char long_name[] =
+        "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
     char text[8] = "unhurt";
     size_t size = 77;
     int k;
@@ -356,7 +538,8 @@ static void bad_input(void)
         memset(&d, 0, sizeof d);
         CHECK(conemap_emit(NULL, text, sizeof text, &size) == CONEMAP_ERROR_NULL, "null desc");
         CHECK(conemap_emit(&d, NULL, 0, NULL) == CONEMAP_ERROR_NULL, "nothing to write to");
-        CHECK(conemap_maxima_levels(NULL) == 0 && conemap_write_maxima(NULL, 0, NULL, 0) == CONEMAP_ERROR_NULL, "no map");
+        CHECK(conemap_maxima_levels(NULL) == 0 && conemap_write_maxima(NULL, 0, NULL, 0) == CONEMAP_ERROR_NULL,
+              "no map");
     }
 }
 
@@ -369,15 +552,19 @@ static void sizes_and_truncation(void)
     CHECK(conemap_emit(&d, NULL, 0, &size) == CONEMAP_OK, "size");
     whole = emit(&d);
     if (!whole) return;
-    for (capacity = 0; capacity <= size; capacity += capacity + 2 < size || capacity == size ? 1 + size / 37 : size - capacity) {
+    for (capacity = 0; capacity <= size;
+         capacity += capacity + 2 < size || capacity == size ? 1 + size / 37 : size - capacity) {
         char *text = (char *)test_alloc(capacity); /* guarded on both sides */
         conemap_result result;
         memset(text, 'x', capacity);
         again = 0;
         result = conemap_emit(&d, text, capacity, &again);
         CHECK(again == size, "size %d, then %d", (int)size, (int)again);
-        if (capacity < size) CHECK(result == CONEMAP_ERROR_BUFFER && (capacity == 0 || text[0] == 'x'), "capacity %d", (int)capacity);
-        else CHECK(result == CONEMAP_OK && strcmp(text, whole) == 0, "capacity %d", (int)capacity);
+        if (capacity < size)
+            CHECK(result == CONEMAP_ERROR_BUFFER && (capacity == 0 || text[0] == 'x'), "capacity %d",
+                  (int)capacity);
+        else
+            CHECK(result == CONEMAP_OK && strcmp(text, whole) == 0, "capacity %d", (int)capacity);
         test_release(text);
     }
     test_release(whole);
@@ -385,7 +572,10 @@ static void sizes_and_truncation(void)
 
 /* ---- the text itself ---- */
 
-static int letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || (c >= '0' && c <= '9'); }
+static int letter(char c)
+{
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || (c >= '0' && c <= '9');
+}
 
 /* Takes the comments out. */
 static void strip(char *text)
@@ -413,8 +603,10 @@ static int uses(const char *text, const char *name, size_t length)
 /* Braces balance, lines are indented by them, and what is declared is used: names behind a type occur once more. */
 static void check_text(const char *what, char *text, int functions)
 {
-    static const char *const types[] = {"float", "int", "bool", "vec2", "vec3", "vec4", "ivec2", "ivec4", "float2", "float3", "float4",
-                                        "int2", "int4", "sampler2D", "sampler2DArray", "SamplerState", "uint", "conemap_hit", "Texture2D"};
+    static const char *const types[] = {"float",        "int",   "bool",        "vec2",      "vec3",
+                                        "vec4",         "ivec2", "ivec4",       "float2",    "float3",
+                                        "float4",       "int2",  "int4",        "sampler2D", "sampler2DArray",
+                                        "SamplerState", "uint",  "conemap_hit", "Texture2D"};
     int depth = 0, round = 0, k;
     const char *at;
     strip(text);
@@ -422,10 +614,11 @@ static void check_text(const char *what, char *text, int functions)
         if (*at == '\n' && at[1] && at[1] != '\n' && at[1] != '#') {
             int spaces = 0;
             while (at[1 + spaces] == ' ') ++spaces;
-            CHECK(round > 0 || spaces == 4 * (depth - (at[1 + spaces] == '}')) || at[1 + spaces] == 'v', "%s: indented by %d at depth %d: %.40s", what, spaces, depth,
-                  at + 1);
+            CHECK(round > 0 || spaces == 4 * (depth - (at[1 + spaces] == '}')) || at[1 + spaces] == 'v',
+                  "%s: indented by %d at depth %d: %.40s", what, spaces, depth, at + 1);
         }
-        if (*at == '$' || *at == '?' ) CHECK(*at == '?' && at[-1] == ' ' && at[1] == ' ', "%s: a %c is left: %.30s", what, *at, at);
+        if (*at == '$' || *at == '?')
+            CHECK(*at == '?' && at[-1] == ' ' && at[1] == ' ', "%s: a %c is left: %.30s", what, *at, at);
         depth += (*at == '{') - (*at == '}');
         round += (*at == '(') - (*at == ')');
         CHECK(depth >= 0 && round >= 0, "%s: closes too much", what);
@@ -442,9 +635,13 @@ static void check_text(const char *what, char *text, int functions)
             if (end == name || end - name >= 80) continue;
             memcpy(word, name, (size_t)(end - name));
             word[end - name] = 0;
-            if (strcmp(word, "main") == 0 || (functions && (strcmp(word, "conemap_trace") == 0 || strcmp(word, "conemap_any_hit") == 0))) continue;
+            if (strcmp(word, "main") == 0 ||
+                (functions && (strcmp(word, "conemap_trace") == 0 || strcmp(word, "conemap_any_hit") == 0)))
+                continue;
             /* fields of the answer are for the host */
-            if (strcmp(word, "found") == 0 || strcmp(word, "position") == 0 || strcmp(word, "t") == 0 || strcmp(word, "status") == 0) continue;
+            if (strcmp(word, "found") == 0 || strcmp(word, "position") == 0 || strcmp(word, "t") == 0 ||
+                strcmp(word, "status") == 0)
+                continue;
             CHECK(uses(text, word, (size_t)(end - name)) > 1, "%s: %s is never used", what, word);
         }
     }
@@ -476,11 +673,14 @@ static void texts(void)
                         if (option == 8) d.map.guarantee = CONEMAP_GUARANTEE_VERTEX, d.steps = 1;
                         if (option == 9) d.fixed_size = 1, d.map.width = 64, d.map.height = 32;
                         if (option == 10) d.trace.any_hit = 1;
-                        if (option == 11) d.map.texture.encoding = CONEMAP_RADIUS, d.run_time_cap = 1, d.trace.adaptive_steps = 1;
+                        if (option == 11)
+                            d.map.texture.encoding = CONEMAP_RADIUS, d.run_time_cap = 1,
+                            d.trace.adaptive_steps = 1;
                         if (conemap_emit(&d, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED) continue;
                         text = emit(&d);
                         if (!text) return;
-                        snprintf(what, sizeof what, "dialect %d stage %d tracer %d refinement %d option %d", dialect, stage, tracer, refinement, option);
+                        snprintf(what, sizeof what, "dialect %d stage %d tracer %d refinement %d option %d",
+                                 dialect, stage, tracer, refinement, option);
                         check_text(what, text, stage == CONEMAP_STAGE_FUNCTIONS);
                         test_release(text);
                         ++count;
@@ -516,7 +716,11 @@ static void numbers(void)
     for (k = 0; k < 400; ++k) {
         conemap_shader_desc d;
         char *text, *at;
-        float scale = zoo_unit(&random) * (k % 4 == 0 ? 1e6f : k % 4 == 1 ? 1e-6f : k % 4 == 2 ? 3.0f : 1000.0f), back;
+        float scale = zoo_unit(&random) * (k % 4 == 0   ? 1e6f
+                                           : k % 4 == 1 ? 1e-6f
+                                           : k % 4 == 2 ? 3.0f
+                                                        : 1000.0f),
+              back;
         if (k < 8) scale = (float)k * 0.25f + 0.25f;
         if (scale == 0.0f || scale == 1.0f) continue;
         memset(&d, 0, sizeof d);
@@ -531,6 +735,8 @@ static void numbers(void)
 }
 
 const struct test_case emit_tests[] = {
+    {"kernels as C", kernels_as_c},
+    {"bad kernels", bad_kernels},
     {"bad input", bad_input},
     {"sizes and truncation", sizes_and_truncation},
     {"texts", texts},

@@ -18,10 +18,7 @@ struct compare_counts {
     int rays, hits, different, unexplained, strict_misses, misses;
 };
 
-static inline float compare_unit(struct zoo_random *random)
-{
-    return zoo_unit(random);
-}
+static inline float compare_unit(struct zoo_random *random) { return zoo_unit(random); }
 
 /* A ray that ends: from above, from the side, rising, vertical, level, along texel centres, axes and diagonals. */
 static inline conemap_ray compare_ray(struct zoo_random *random, int width, int height, int kind)
@@ -50,7 +47,8 @@ static inline conemap_ray compare_ray(struct zoo_random *random, int width, int 
         target[2] = ray.origin[2] - 0.05f * target[2];
         break;
     case 6: /* along texel centres */
-        ray.origin[axis] = ((float)zoo_below(random, axis ? height : width) + 0.5f) / (float)(axis ? height : width);
+        ray.origin[axis] =
+            ((float)zoo_below(random, axis ? height : width) + 0.5f) / (float)(axis ? height : width);
         target[axis] = ray.origin[axis];
         ray.origin[2] = 0.8f;
         target[2] *= 0.5f;
@@ -71,7 +69,8 @@ static inline conemap_ray compare_ray(struct zoo_random *random, int width, int 
 static inline double compare_grain(const conemap_map *map, const conemap_ray *ray)
 {
     double x = (double)ray->direction[0] * map->info.width, y = (double)ray->direction[1] * map->info.height;
-    double z = (double)ray->direction[2] * (map->info.width > map->info.height ? map->info.width : map->info.height);
+    double z =
+        (double)ray->direction[2] * (map->info.width > map->info.height ? map->info.width : map->info.height);
     return 1.0 / 16.0 / sqrt(x * x + y * y + z * z);
 }
 
@@ -122,7 +121,8 @@ static inline void compare_truth(const conemap_map *map, const struct truth_map 
         double t_here, slack = 0.0;
         end = (double)gpu->t * (1.0 - 1.0 / 4194304.0) - (double)ray->t_min;
         for (k = 0; k < 2; ++k) { /* the side through which the surface is entered */
-            if ((k ? truth->wrap_v : truth->wrap_u) == 2 && d[k] != 0.0 && 1.2e-7 / fabs(d[k]) > slack) slack = 1.2e-7 / fabs(d[k]);
+            if ((k ? truth->wrap_v : truth->wrap_u) == 2 && d[k] != 0.0 && 1.2e-7 / fabs(d[k]) > slack)
+                slack = 1.2e-7 / fabs(d[k]);
         }
         k = fabs(d[1]) > fabs(d[0]);
         if (fabs(d[k]) > 0.01 * fabs(d[2])) {
@@ -143,8 +143,9 @@ static inline void compare_truth(const conemap_map *map, const struct truth_map 
     if (clearance < -limit) ++counts->misses;
 }
 
-static inline void compare_hit(const conemap_map *map, const struct truth_map *truth, const conemap_trace_desc *desc,
-                               const conemap_ray *ray, const struct shader_hit *gpu, struct compare_counts *counts)
+static inline void compare_hit(const conemap_map *map, const struct truth_map *truth,
+                               const conemap_trace_desc *desc, const conemap_ray *ray,
+                               const struct shader_hit *gpu, struct compare_counts *counts)
 {
     conemap_hit cpu;
     conemap_trace(map, desc, ray, &cpu, 1);

@@ -2,7 +2,7 @@
 # The example programs as a person runs them: good files work; a bad file or option gets one clear line and a non-zero
 # exit status.
 cd "$(dirname "$0")/.." || exit 1
-make -s -j2 build/hello build/bake build/render build/inspect build/accuracy || exit 1
+make -s -j2 build/hello build/bake build/render build/inspect build/accuracy build/tree build/emit || exit 1
 dir=$(mktemp -d) || exit 1
 trap 'rm -rf "$dir"' EXIT
 map=examples/jacksboro_403x344_16bit.pgm
@@ -30,6 +30,13 @@ works() {
 }
 
 works build/hello
+works build/emit --help
+works build/emit --dialect hlsl50 --tracer exact --stage compute
+grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
+refuses build/emit --dialect cobol
+refuses build/emit --tracer
+refuses build/emit --stage compute
+refuses build/emit --max-steps many
 for program in bake render inspect; do
     works build/$program --help
     [ -s "$dir/stdout" ] || say "$program --help says nothing"

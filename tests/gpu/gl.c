@@ -17,24 +17,39 @@
 #define SIDE 64 /* rays: SIDE * SIDE */
 #define RAYS (SIDE * SIDE)
 
-#define GL_FUNCTIONS(X)                                                                                              \
-    X(PFNGLCREATESHADERPROC, CreateShader) X(PFNGLSHADERSOURCEPROC, ShaderSource) X(PFNGLCOMPILESHADERPROC, CompileShader) \
-    X(PFNGLGETSHADERIVPROC, GetShaderiv) X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog) X(PFNGLCREATEPROGRAMPROC, CreateProgram) \
-    X(PFNGLATTACHSHADERPROC, AttachShader) X(PFNGLLINKPROGRAMPROC, LinkProgram) X(PFNGLGETPROGRAMIVPROC, GetProgramiv) \
-    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog) X(PFNGLUSEPROGRAMPROC, UseProgram) X(PFNGLDELETEPROGRAMPROC, DeleteProgram) \
-    X(PFNGLDELETESHADERPROC, DeleteShader) X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation) X(PFNGLUNIFORM1IPROC, Uniform1i) \
-    X(PFNGLUNIFORM2FPROC, Uniform2f) X(PFNGLUNIFORM2IPROC, Uniform2i) X(PFNGLUNIFORM4IPROC, Uniform4i) \
-    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers) X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer) \
-    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D) X(PFNGLDRAWBUFFERSPROC, DrawBuffers) \
-    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) X(PFNGLACTIVETEXTUREPROC, ActiveTexture) \
-    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays) X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray) X(PFNGLGENBUFFERSPROC, GenBuffers) \
-    X(PFNGLBINDBUFFERPROC, BindBuffer) X(PFNGLBUFFERDATAPROC, BufferData) X(PFNGLBINDBUFFERBASEPROC, BindBufferBase) \
-    X(PFNGLMAPBUFFERRANGEPROC, MapBufferRange) X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) X(PFNGLDISPATCHCOMPUTEPROC, DispatchCompute) \
-    X(PFNGLMEMORYBARRIERPROC, MemoryBarrier) X(PFNGLTEXIMAGE3DPROC, TexImage3D) X(PFNGLTEXSUBIMAGE3DPROC, TexSubImage3D) \
-    X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv) X(GENTEXTURES, GenTextures) X(BINDTEXTURE, BindTexture) X(TEXIMAGE2D, TexImage2D) \
-    X(TEXPARAMETERI, TexParameteri) X(PIXELSTOREI, PixelStorei) X(DELETETEXTURES, DeleteTextures) X(VIEWPORT, Viewport) \
-    X(DRAWARRAYS, DrawArrays) X(READPIXELS, ReadPixels) X(READBUFFER, ReadBuffer) X(GETERROR, GetError) X(ENABLE, Enable) \
-    X(TEXSUBIMAGE2D, TexSubImage2D) X(PFNGLDELETEBUFFERSPROC, DeleteBuffers)
+#define GL_FUNCTIONS(X)                                                                                           \
+    X(PFNGLCREATESHADERPROC, CreateShader)                                                                        \
+    X(PFNGLSHADERSOURCEPROC, ShaderSource) X(PFNGLCOMPILESHADERPROC, CompileShader) X(                            \
+        PFNGLGETSHADERIVPROC, GetShaderiv) X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)                         \
+        X(PFNGLCREATEPROGRAMPROC, CreateProgram) X(PFNGLATTACHSHADERPROC, AttachShader) X(                        \
+            PFNGLLINKPROGRAMPROC, LinkProgram) X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                             \
+            X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog) X(PFNGLUSEPROGRAMPROC, UseProgram) X(                \
+                PFNGLDELETEPROGRAMPROC, DeleteProgram) X(PFNGLDELETESHADERPROC, DeleteShader)                     \
+                X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation) X(PFNGLUNIFORM1IPROC, Uniform1i) X(            \
+                    PFNGLUNIFORM2FPROC, Uniform2f) X(PFNGLUNIFORM2IPROC, Uniform2i) X(PFNGLUNIFORM4IPROC,         \
+                                                                                      Uniform4i)                  \
+                    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers) X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer) X(  \
+                        PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D) X(PFNGLDRAWBUFFERSPROC, DrawBuffers) \
+                        X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) X(                             \
+                            PFNGLACTIVETEXTUREPROC, ActiveTexture) X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)   \
+                            X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray) X(PFNGLGENBUFFERSPROC, GenBuffers) X(    \
+                                PFNGLBINDBUFFERPROC, BindBuffer) X(PFNGLBUFFERDATAPROC, BufferData)               \
+                                X(PFNGLBINDBUFFERBASEPROC, BindBufferBase) X(                                     \
+                                    PFNGLMAPBUFFERRANGEPROC, MapBufferRange) X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) \
+                                    X(PFNGLDISPATCHCOMPUTEPROC, DispatchCompute) X(                               \
+                                        PFNGLMEMORYBARRIERPROC, MemoryBarrier) X(PFNGLTEXIMAGE3DPROC, TexImage3D) \
+                                        X(PFNGLTEXSUBIMAGE3DPROC, TexSubImage3D)                                  \
+                                            X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv) X(GENTEXTURES, GenTextures)  \
+                                                X(BINDTEXTURE, BindTexture) X(TEXIMAGE2D, TexImage2D) X(          \
+                                                    TEXPARAMETERI, TexParameteri) X(PIXELSTOREI, PixelStorei)     \
+                                                    X(DELETETEXTURES, DeleteTextures) X(VIEWPORT, Viewport)       \
+                                                        X(DRAWARRAYS, DrawArrays) X(READPIXELS, ReadPixels)       \
+                                                            X(READBUFFER, ReadBuffer) X(GETERROR, GetError)       \
+                                                                X(ENABLE, Enable) X(TEXSUBIMAGE2D, TexSubImage2D) \
+                                                                    X(PFNGLDELETEBUFFERSPROC,                     \
+                                                                      DeleteBuffers) X(PFNGLBINDIMAGETEXTUREPROC, \
+                                                                                       BindImageTexture)          \
+                                                                        X(PFNGLTEXSTORAGE2DPROC, TexStorage2D)
 typedef void(APIENTRYP GENTEXTURES)(GLsizei, GLuint *);
 typedef void(APIENTRYP BINDTEXTURE)(GLenum, GLuint);
 typedef void(APIENTRYP TEXIMAGE2D)(GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void *);
@@ -70,8 +85,13 @@ static EGLDisplay display;
 
 static void context(int es)
 {
-    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_CONTEXT_OPENGL_PROFILE_MASK,
-                                  EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
+    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION,
+                                  4,
+                                  EGL_CONTEXT_MINOR_VERSION,
+                                  5,
+                                  EGL_CONTEXT_OPENGL_PROFILE_MASK,
+                                  EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+                                  EGL_NONE};
     static const EGLint three[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
     EGLContext made;
     GLuint array;
@@ -90,8 +110,8 @@ static void context(int es)
     if (!es) gl.Enable(GL_PROGRAM_POINT_SIZE);
 }
 
-static GLuint texture(int array, int mips, int width, int height, GLenum internal, GLenum format, GLenum type, int atlas,
-                      GLenum filter, GLenum wrap_u, GLenum wrap_v, const void *pixels)
+static GLuint texture(int array, int mips, int width, int height, GLenum internal, GLenum format, GLenum type,
+                      int atlas, GLenum filter, GLenum wrap_u, GLenum wrap_v, const void *pixels)
 {
     const GLenum target = array ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
     GLuint name;
@@ -191,39 +211,60 @@ static GLuint build(const struct run *r)
     }
     if (d->stage == CONEMAP_STAGE_COMPUTE) return program(shader(GL_COMPUTE_SHADER, text), 0);
     if (d->stage == CONEMAP_STAGE_FRAGMENT) {
-        const char *place = d->dialect == CONEMAP_GLSL_330 || d->dialect == CONEMAP_ESSL_300 ? "" : "layout(location = %d) ";
+        const char *place =
+            d->dialect == CONEMAP_GLSL_330 || d->dialect == CONEMAP_ESSL_300 ? "" : "layout(location = %d) ";
         char places[2][64];
         sprintf(places[0], place, 0);
         sprintf(places[1], place, 1);
-        sprintf(whole,
-                "#version %s\nprecision highp float;\nuniform highp sampler2D rays_o, rays_d;\n%sout vec3 conemap_origin;\n%sout vec3 conemap_direction;\n"
-                "void main() {\n    ivec2 p = ivec2(gl_VertexID %% %d, gl_VertexID / %d);\n"
-                "    conemap_origin = texelFetch(rays_o, p, 0).xyz;\n    conemap_direction = texelFetch(rays_d, p, 0).xyz;\n"
-                "    gl_PointSize = 1.0;\n    gl_Position = vec4((vec2(p) + 0.5) / %d.0 * 2.0 - 1.0, 0.0, 1.0);\n}\n",
-                versions[d->dialect], places[0], places[1], SIDE, SIDE, SIDE);
+        sprintf(
+            whole,
+            "#version %s\nprecision highp float;\nuniform highp sampler2D rays_o, rays_d;\n%sout vec3 "
+            "conemap_origin;\n%sout vec3 conemap_direction;\n"
+            "void main() {\n    ivec2 p = ivec2(gl_VertexID %% %d, gl_VertexID / %d);\n"
+            "    conemap_origin = texelFetch(rays_o, p, 0).xyz;\n    conemap_direction = texelFetch(rays_d, p, "
+            "0).xyz;\n"
+            "    gl_PointSize = 1.0;\n    gl_Position = vec4((vec2(p) + 0.5) / %d.0 * 2.0 - 1.0, 0.0, 1.0);\n}\n",
+            versions[d->dialect], places[0], places[1], SIDE, SIDE, SIDE);
         return program(shader(GL_VERTEX_SHADER, whole), shader(GL_FRAGMENT_SHADER, text));
     }
     sprintf(whole, "#version %s\nprecision highp float;\n", versions[d->dialect]);
-    if (d->external) sprintf(whole + strlen(whole), "uniform highp %s conemap_map;\n", d->array ? "sampler2DArray" : "sampler2D");
+    if (d->external)
+        sprintf(whole + strlen(whole), "uniform highp %s conemap_map;\n",
+                d->array ? "sampler2DArray" : "sampler2D");
     strcat(whole, text);
-    if (d->fetch && d->filter == CONEMAP_FILTER_HARDWARE) strcat(whole, eight_bits);
-    else if (d->fetch) strcat(whole, "uniform highp sampler2D conemap_map;\nvec2 host_fetch(int i, int j) {\n    return texelFetch(conemap_map, ivec2(i, j), 0).rg;\n}\n");
+    if (d->fetch && d->filter == CONEMAP_FILTER_HARDWARE)
+        strcat(whole, eight_bits);
+    else if (d->fetch)
+        strcat(whole, "uniform highp sampler2D conemap_map;\nvec2 host_fetch(int i, int j) {\n    return "
+                      "texelFetch(conemap_map, ivec2(i, j), 0).rg;\n}\n");
     sprintf(name, "%s_%s", d->prefix ? d->prefix : "conemap", d->trace.any_hit ? "any_hit" : "trace");
     sprintf(whole + strlen(whole),
-            "uniform highp sampler2D rays_o, rays_d;\nuniform highp ivec4 given_rect;\nuniform highp ivec2 given_size;\n"
+            "uniform highp sampler2D rays_o, rays_d;\nuniform highp ivec4 given_rect;\nuniform highp ivec2 "
+            "given_size;\n"
             "uniform highp int given_cap, given_slice;\n"
             "layout(location = 0) out vec4 answer;\nlayout(location = 1) out vec4 more;\nvoid main() {\n"
-            "    ivec2 p = ivec2(gl_FragCoord.xy);\n    vec4 o = texelFetch(rays_o, p, 0), d = texelFetch(rays_d, p, 0);\n"
+            "    ivec2 p = ivec2(gl_FragCoord.xy);\n    vec4 o = texelFetch(rays_o, p, 0), d = texelFetch(rays_d, "
+            "p, 0);\n"
             "    %s hit = %s(o.xyz, d.xyz%s%s%s%s%s);\n",
-            d->trace.any_hit ? "bool" : d->prefix ? "relief_hit" : "conemap_hit", name, d->t_range ? ", o.w, d.w" : "", d->run_time_cap ? ", given_cap" : "",
-            d->atlas ? ", given_rect" : "", d->fetch && !d->fixed_size && !d->atlas ? ", given_size" : "", d->array ? ", given_slice" : "");
-    if (d->trace.any_hit) strcat(whole, "    answer = vec4(0.0, 0.0, 0.0, hit ? 0.0 : -1.0);\n    more = vec4(hit ? 1.0 : 0.0, 0.0, 0.0, 0.0);\n}\n");
+            d->trace.any_hit ? "bool"
+            : d->prefix      ? "relief_hit"
+                             : "conemap_hit",
+            name, d->t_range ? ", o.w, d.w" : "", d->run_time_cap ? ", given_cap" : "",
+            d->atlas ? ", given_rect" : "", d->fetch && !d->fixed_size && !d->atlas ? ", given_size" : "",
+            d->array ? ", given_slice" : "");
+    if (d->trace.any_hit)
+        strcat(whole, "    answer = vec4(0.0, 0.0, 0.0, hit ? 0.0 : -1.0);\n    more = vec4(hit ? 1.0 : 0.0, 0.0, "
+                      "0.0, 0.0);\n}\n");
     else
-        sprintf(whole + strlen(whole), "    answer = vec4(hit.position, hit.found ? hit.t : -1.0);\n    more = vec4(hit.found ? 1.0 : 0.0, %s, %s, 0.0);\n}\n",
+        sprintf(whole + strlen(whole),
+                "    answer = vec4(hit.position, hit.found ? hit.t : -1.0);\n    more = vec4(hit.found ? 1.0 : "
+                "0.0, %s, %s, 0.0);\n}\n",
                 d->status ? "float(hit.status)" : "-1.0", d->steps ? "float(hit.steps)" : "-1.0");
     {
         char vertex[400];
-        sprintf(vertex, "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
+        sprintf(vertex,
+                "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
+                "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
                 versions[d->dialect]);
         return program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, whole));
     }
@@ -234,7 +275,8 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     const conemap_shader_desc *d = &r->desc;
     const GLenum target = d->array ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
     const GLenum filter = d->filter == CONEMAP_FILTER_FETCH ? GL_NEAREST : GL_LINEAR;
-    const GLenum wrap_u = d->map.wrap_u == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE, wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
+    const GLenum wrap_u = d->map.wrap_u == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE,
+                 wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
     const char *prefix = d->prefix ? d->prefix : "conemap";
     conemap_format_numbers numbers;
     GLuint names[3] = {0, 0, 0}, buffers[2];
@@ -245,8 +287,10 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     const float empty[4] = {0.0f, 0.0f, 0.0f, -1.0f};
     conemap_get_format_numbers(&map->info.texture, &numbers);
     conemap_write_texture(map, pixels, size, 0);
-    names[0] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format, numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
-    names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter, wrap_u, wrap_v, map->heights);
+    names[0] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format,
+                       numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter,
+                       wrap_u, wrap_v, map->heights);
     free(pixels);
     gl.GenTextures(1, &names[2]);
     gl.BindTexture(target, names[2]);
@@ -281,12 +325,15 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         GLint at;
         uniform_i(p, k ? "conemap_slice" : "given_slice", 1);
         uniform_i(p, k ? "conemap_max_steps" : "given_cap", 100000);
-        if ((at = gl.GetUniformLocation(p, k ? "conemap_rect" : "given_rect")) >= 0) gl.Uniform4i(at, 5, 3, map->info.width, map->info.height);
-        if ((at = gl.GetUniformLocation(p, k ? "conemap_map_size" : "given_size")) >= 0) gl.Uniform2i(at, map->info.width, map->info.height);
+        if ((at = gl.GetUniformLocation(p, k ? "conemap_rect" : "given_rect")) >= 0)
+            gl.Uniform4i(at, 5, 3, map->info.width, map->info.height);
+        if ((at = gl.GetUniformLocation(p, k ? "conemap_map_size" : "given_size")) >= 0)
+            gl.Uniform2i(at, map->info.width, map->info.height);
         if ((at = gl.GetUniformLocation(p, "conemap_range")) >= 0) gl.Uniform2f(at, 0.1f, 0.7f);
     }
     if (d->stage == CONEMAP_STAGE_COMPUTE) {
-        const int wide = d->steps || d->status ? 2 : 1, first = 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY || d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
+        const int wide = d->steps || d->status ? 2 : 1, first = 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
+                                                                     d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
         float *both = (float *)malloc(RAYS * 8 * sizeof(float));
         const float *back;
         for (k = 0; k < RAYS; ++k) {
@@ -297,12 +344,14 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[0]);
         gl.BufferData(GL_SHADER_STORAGE_BUFFER, RAYS * 8 * sizeof(float), both, GL_STATIC_DRAW);
         gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[1]);
-        gl.BufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, NULL, GL_STATIC_DRAW);
+        gl.BufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, NULL,
+                      GL_STATIC_DRAW);
         gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first, buffers[0]);
         gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 1, buffers[1]);
         gl.DispatchCompute(RAYS / 64, 1, 1);
         gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
-        back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, GL_MAP_READ_BIT);
+        back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0,
+                                                (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, GL_MAP_READ_BIT);
         for (k = 0; back && k < RAYS; ++k) {
             memcpy(answers[0] + 4 * k, back + 4 * wide * k, 16);
             answers[1][4 * k] = answers[0][4 * k + 3] >= 0.0f;
@@ -316,8 +365,10 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         (void)targets;
         gl.ClearBufferfv(GL_COLOR, 0, empty);
         gl.ClearBufferfv(GL_COLOR, 1, empty);
-        if (d->stage == CONEMAP_STAGE_FRAGMENT) gl.DrawArrays(GL_POINTS, 0, RAYS);
-        else gl.DrawArrays(GL_TRIANGLES, 0, 3);
+        if (d->stage == CONEMAP_STAGE_FRAGMENT)
+            gl.DrawArrays(GL_POINTS, 0, RAYS);
+        else
+            gl.DrawArrays(GL_TRIANGLES, 0, 3);
         gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
         gl.ReadPixels(0, 0, SIDE, SIDE, GL_RGBA, GL_FLOAT, answers[0]);
         gl.ReadBuffer(GL_COLOR_ATTACHMENT1);
@@ -340,7 +391,8 @@ static int on_rim(const struct truth_map *truth, const conemap_ray *ray)
     int k;
     for (k = 0; k < 2; ++k) {
         const float size = (float)(k ? truth->height : truth->width), place = ray->origin[k] * size;
-        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f && (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
+        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f &&
+            (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
             return 1;
     }
     return 0;
@@ -367,8 +419,10 @@ static void run(const struct run *r)
         gl.GenFramebuffers(1, &frame);
         gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
         for (k = 0; k < 2; ++k) {
-            targets[k] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, NULL);
-            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + (GLenum)k, GL_TEXTURE_2D, targets[k], 0);
+            targets[k] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE,
+                                 GL_CLAMP_TO_EDGE, NULL);
+            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0 + (GLenum)k, GL_TEXTURE_2D, targets[k],
+                                    0);
         }
         gl.DrawBuffers(2, both);
         if (gl.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
@@ -410,7 +464,8 @@ static void run(const struct run *r)
         truth.heights = map.heights;
         for (k = 0; k < RAYS; ++k) {
             do rays[k] = compare_ray(&random, truth.width, truth.height, k);
-            while (on_rim(&truth, &rays[k]) || ((truth.wrap_u == 1 || truth.wrap_v == 1) && rays[k].direction[2] > -0.01f && rays[k].direction[2] < 0.01f));
+            while (on_rim(&truth, &rays[k]) || ((truth.wrap_u == 1 || truth.wrap_v == 1) &&
+                                                rays[k].direction[2] > -0.01f && rays[k].direction[2] < 0.01f));
             if (desc.t_range) {
                 rays[k].t_min = 0.1f;
                 rays[k].t_max = 0.7f;
@@ -420,8 +475,10 @@ static void run(const struct run *r)
             rays_o[4 * k + 3] = rays[k].t_min;
             rays_d[4 * k + 3] = rays[k].t_max;
         }
-        ray_textures[0] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, rays_o);
-        ray_textures[1] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE, rays_d);
+        ray_textures[0] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE,
+                                  GL_CLAMP_TO_EDGE, rays_o);
+        ray_textures[1] = texture(0, 0, SIDE, SIDE, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE,
+                                  GL_CLAMP_TO_EDGE, rays_d);
         draw(&here, p, &map, targets, ray_textures);
         gl.DeleteTextures(2, ray_textures);
         for (k = 0; k < RAYS; ++k) {
@@ -449,12 +506,15 @@ static void run(const struct run *r)
     total.different += counts.different;
     total.strict_misses += counts.strict_misses;
     total.misses += counts.misses;
-    printf("%-40s %6d rays, %6d hits, %3d differ, %2d not on an edge, misses: %d by 2^-20, %d beyond single precision\n", r->name, counts.rays,
-           counts.hits, counts.different, counts.unexplained, counts.strict_misses, counts.misses);
+    printf("%-40s %6d rays, %6d hits, %3d differ, %2d not on an edge, misses: %d by 2^-20, %d beyond single "
+           "precision\n",
+           r->name, counts.rays, counts.hits, counts.different, counts.unexplained, counts.strict_misses,
+           counts.misses);
     fflush(stdout);
     if (r->count_only) return;
     if (counts.hits < counts.rays / 5) fail("%s: too few hits", r->name);
-    if (counts.different * 1000 > counts.rays) fail("%s: %d of %d rays differ", r->name, counts.different, counts.rays);
+    if (counts.different * 1000 > counts.rays)
+        fail("%s: %d of %d rays differ", r->name, counts.different, counts.rays);
     if (counts.unexplained) fail("%s: %d rays differ and lie on no edge", r->name, counts.unexplained);
     if (counts.misses) fail("%s: %d misses", r->name, counts.misses);
 }
@@ -475,14 +535,149 @@ static struct run fresh(const char *format, ...)
     return r;
 }
 
+/* A texture that can be an image too: ES wants those immutable. */
+static GLuint storage(int width, int height, GLenum internal, GLenum format, const void *pixels)
+{
+    GLuint name;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D, name);
+    gl.TexStorage2D(GL_TEXTURE_2D, 1, internal, width, height);
+    if (pixels) gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, format, GL_FLOAT, pixels);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return name;
+}
+
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's. */
+static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, int safe, conemap_wrap wrap)
+{
+    static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
+    static float heights[40 * 28], zero[40 * 28];
+    static float back[40 * 28 * 4];
+    const int w = 40, h = 28, es = dialect >= CONEMAP_ESSL_300, compute = stage == CONEMAP_STAGE_COMPUTE;
+    char text[8000], vertex[400];
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source;
+    int kind, k, pass, compared = 0, wide = 0, narrow = 0, dispatches = 0;
+    conemap_shader_desc desc;
+    memset(&desc, 0, sizeof desc);
+    desc.dialect = dialect;
+    desc.stage = stage;
+    desc.map.wrap_u = wrap;
+    desc.map.aspect = 0.6f;
+    desc.map.min3x3 = min3x3;
+    desc.map.guarantee = safe ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+    desc.map.width = w;
+    desc.map.height = h;
+    if (es) desc.map.texture.layout = CONEMAP_CONE_ONLY;
+    context(es);
+    sprintf(vertex,
+            "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
+            "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
+            versions[dialect]);
+    for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
+        if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
+            fail("kernel %d in dialect %d", k, (int)dialect);
+            return;
+        }
+        programs[k] = compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
+                              : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
+    }
+    gl.GenFramebuffers(1, &frame);
+    gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
+    gl.Viewport(0, 0, w, h);
+    for (kind = 0; kind < ZOO_KINDS; ++kind) {
+        conemap_desc build_desc;
+        conemap_map map;
+        conemap_gpu_pass passes[64];
+        int count = 0;
+        memset(&build_desc, 0, sizeof build_desc);
+        zoo_fill(kind, w, h, 3, heights);
+        build_desc.heights.pixels = heights;
+        build_desc.heights.width = w;
+        build_desc.heights.height = h;
+        build_desc.wrap_u = wrap;
+        build_desc.aspect = 0.6f;
+        build_desc.min3x3 = min3x3;
+        build_desc.generator = CONEMAP_RING;
+        if (conemap_build(&build_desc, &map) != CONEMAP_OK ||
+            conemap_gpu_passes(&desc, 900, passes, 64, &count) != CONEMAP_OK) {
+            fail("kernels: no map or no passes");
+            return;
+        }
+        source = storage(w, h, GL_R32F, GL_RED, heights);
+        for (k = 0; k < 2; ++k) states[k] = storage(w, h, GL_R32F, GL_RED, zero);
+        out = es ? storage(w, h, GL_R32F, GL_RED, NULL) : storage(w, h, GL_RG32F, GL_RG, NULL);
+        for (pass = 0; pass < count; ++pass) {
+            const GLuint p = programs[passes[pass].kernel],
+                         target = passes[pass].writes == 2 ? out : states[passes[pass].writes];
+            gl.UseProgram(p);
+            gl.ActiveTexture(GL_TEXTURE0);
+            gl.BindTexture(GL_TEXTURE_2D, states[passes[pass].reads]);
+            gl.ActiveTexture(GL_TEXTURE1);
+            gl.BindTexture(GL_TEXTURE_2D, source);
+            uniform_i(p, "conemap_state", 0);
+            uniform_i(p, "conemap_heights", 1);
+            uniform_i(p, "conemap_first", passes[pass].first);
+            uniform_i(p, "conemap_last", passes[pass].last);
+            if (compute) {
+                const int unit = passes[pass].kernel == CONEMAP_KERNEL_MIN3X3 ||
+                                         (es && passes[pass].kernel == CONEMAP_KERNEL_STORE)
+                                     ? 1
+                                     : 2;
+                gl.BindImageTexture((GLuint)unit, target, 0, GL_FALSE, 0, GL_WRITE_ONLY,
+                                    passes[pass].writes == 2 && !es ? GL_RG32F : GL_R32F);
+                gl.DispatchCompute((GLuint)passes[pass].groups_x, (GLuint)passes[pass].groups_y, 1);
+                gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
+            } else {
+                gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, 0);
+                gl.DrawArrays(GL_TRIANGLES, 0, 3);
+            }
+            ++dispatches;
+        }
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
+        gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+        gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
+        for (k = 0; k < w * h; ++k) {
+            const float cone = back[4 * k + (es ? 0 : 1)];
+            ++compared;
+            wide += cone > map.cones[k];
+            narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
+            zero[k] = cone;
+            if (!es && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
+        }
+        if (safe) {
+            conemap_report report;
+            if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
+                report.unproven)
+                fail("kernels: cones are not safe");
+        }
+        memset(zero, 0, sizeof zero);
+        gl.DeleteTextures(2, states);
+        gl.DeleteTextures(1, &source);
+        gl.DeleteTextures(1, &out);
+        conemap_free(&map);
+    }
+    if (gl.GetError() != 0) fail("kernels: a GL error");
+    printf("kernels, dialect %d, %s, wrap %d%s: %d cones in %d passes, %d wider than the CPU's, %d narrower by "
+           "more than 1e-5\n",
+           (int)dialect, compute ? "compute" : "fragment", (int)wrap,
+           min3x3 ? ", 3x3"
+           : safe ? ", safe"
+                  : "",
+           compared, dispatches, wide, narrow);
+    if (wide || narrow) fail("kernels: cones differ");
+}
+
 int main(void)
 {
-    static const char *const tracers[] = {"", "exact", "linear", "fixed", "loop", "exact-step", "cell-max", "maxmip", "qdm"};
+    static const char *const tracers[] = {"",           "exact",    "linear", "fixed", "loop",
+                                          "exact-step", "cell-max", "maxmip", "qdm"};
     static const char *const refinements[] = {"none", "secant", "bisect"};
     static const char *const filters[] = {"fetch", "gather", "hardware"};
     static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8"};
     static const char *const encodings[] = {"linear", "sqrt", "radius"};
-    static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300, CONEMAP_ESSL_310};
+    static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
+                                          CONEMAP_ESSL_310};
     struct run r;
     int k, m, n;
     display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
@@ -505,7 +700,9 @@ int main(void)
             }
     for (k = 0; k < 9; ++k)
         for (m = 1; m < 9; m += 3) { /* wraps, on a tracer of each family */
-            const int tracer = m == 1 ? CONEMAP_TRACE_EXACT : m == 4 ? CONEMAP_TRACE_CELL_MAX : CONEMAP_TRACE_MAXMIP;
+            const int tracer = m == 1   ? CONEMAP_TRACE_EXACT
+                               : m == 4 ? CONEMAP_TRACE_CELL_MAX
+                                        : CONEMAP_TRACE_MAXMIP;
             r = fresh("wraps %d %d, %s", k / 3, k % 3, tracers[tracer]);
             r.desc.trace.tracer = (conemap_tracer)tracer;
             r.desc.map.wrap_u = (conemap_wrap)(k / 3);
@@ -537,7 +734,10 @@ int main(void)
             const int old = all[k] == CONEMAP_GLSL_330 || all[k] == CONEMAP_ESSL_300;
             if (m == CONEMAP_STAGE_COMPUTE && old) continue;
             for (n = 0; n < 3; ++n) {
-                r = fresh("dialect %d, %s, %s", (int)all[k], stages[m], n == 0 ? "exact" : n == 1 ? "maxmip" : "t range");
+                r = fresh("dialect %d, %s, %s", (int)all[k], stages[m],
+                          n == 0   ? "exact"
+                          : n == 1 ? "maxmip"
+                                   : "t range");
                 r.desc.dialect = all[k];
                 r.desc.stage = (conemap_stage)m;
                 r.desc.trace.tracer = n == 1 ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_EXACT;
@@ -547,8 +747,9 @@ int main(void)
             }
         }
     for (k = 0; k < 13; ++k) {
-        static const char *const names[] = {"fixed size", "atlas", "array", "run-time cap", "names", "external", "host fetch", "relaxed",
-                                            "aspect", "adaptive loop", "step scale", "any hit", "any hit, maxmip"};
+        static const char *const names[] = {
+            "fixed size", "atlas",  "array",         "run-time cap", "names",   "external",       "host fetch",
+            "relaxed",    "aspect", "adaptive loop", "step scale",   "any hit", "any hit, maxmip"};
         r = fresh("%s", names[k]);
         if (k == 0) {
             r.desc.fixed_size = 1;
@@ -591,7 +792,13 @@ int main(void)
         r.count_only = 1;
         if (k != CONEMAP_TRACE_LINEAR) run(&r);
     }
-    printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single precision\n", runs_done, total.rays,
-           total.different, total.strict_misses, total.misses);
+    for (k = 0; k < 5; ++k)
+        for (m = 1; m < 3; ++m)
+            for (n = 0; n < 3; ++n)
+                if (m == CONEMAP_STAGE_FRAGMENT || (all[k] != CONEMAP_GLSL_330 && all[k] != CONEMAP_ESSL_300))
+                    make_maps(all[k], (conemap_stage)m, n == 1, n == 2, n ? CONEMAP_WRAP : CONEMAP_CLAMP);
+    printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single "
+           "precision\n",
+           runs_done, total.rays, total.different, total.strict_misses, total.misses);
     return failures != 0;
 }

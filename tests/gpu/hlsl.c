@@ -17,7 +17,8 @@ typedef struct blob_table {
 struct blob {
     const blob_table *table;
 };
-typedef HRESULT(WINAPI *compile_function)(const void *, SIZE_T, const char *, const void *, void *, const char *, const char *, UINT, UINT, blob **, blob **);
+typedef HRESULT(WINAPI *compile_function)(const void *, SIZE_T, const char *, const void *, void *, const char *,
+                                          const char *, UINT, UINT, blob **, blob **);
 
 /* The part of dxcompiler's interfaces that is needed. */
 typedef struct dxc_result dxc_result;
@@ -47,8 +48,10 @@ struct dxc {
 typedef HRESULT(WINAPI *create_function)(const GUID *, const GUID *, void **);
 
 static const GUID class_compiler = {0x73e22d93, 0xe6ce, 0x47f3, {0xb5, 0xbf, 0xf0, 0x66, 0x4f, 0x39, 0xc1, 0xb0}};
-static const GUID interface_compiler3 = {0x228b4687, 0x5a6a, 0x4730, {0x90, 0x0c, 0x97, 0x02, 0xb2, 0x20, 0x3f, 0x54}};
-static const GUID interface_operation_result = {0xcedb484a, 0xd4e9, 0x445a, {0xb9, 0x91, 0xca, 0x21, 0xca, 0x15, 0x7d, 0xc2}};
+static const GUID interface_compiler3 = {
+    0x228b4687, 0x5a6a, 0x4730, {0x90, 0x0c, 0x97, 0x02, 0xb2, 0x20, 0x3f, 0x54}};
+static const GUID interface_operation_result = {
+    0xcedb484a, 0xd4e9, 0x445a, {0xb9, 0x91, 0xca, 0x21, 0xca, 0x15, 0x7d, 0xc2}};
 
 static char *load(const char *path, size_t *size)
 {
@@ -97,7 +100,8 @@ int main(int argument_count, char **arguments)
             const wchar_t *flags[6] = {L"-E", L"main", L"-T", compute ? L"cs_6_0" : L"ps_6_0", L"-Vd"};
             dxc_buffer buffer = {text, size, 65001};
             dxc_result *answer = NULL;
-            result = compiler->table->compile(compiler, &buffer, flags, 5, NULL, &interface_operation_result, (void **)&answer);
+            result = compiler->table->compile(compiler, &buffer, flags, 5, NULL, &interface_operation_result,
+                                              (void **)&answer);
             if (result >= 0 && answer) {
                 answer->table->status(answer, &result);
                 answer->table->errors(answer, &errors);
@@ -105,7 +109,8 @@ int main(int argument_count, char **arguments)
             }
         }
         if (errors && errors->table->size(errors) > 1) {
-            printf("%s: %.*s\n", arguments[k], (int)errors->table->size(errors), (const char *)errors->table->pointer(errors));
+            printf("%s: %.*s\n", arguments[k], (int)errors->table->size(errors),
+                   (const char *)errors->table->pointer(errors));
             result = E_FAIL;
         }
         if (result >= 0) {

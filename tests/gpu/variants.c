@@ -10,18 +10,21 @@
 #include "../zoo.h"
 
 enum { DIALECT_COUNT = CONEMAP_DIALECT_COUNT };
-static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300", "es310", "hlsl50", "hlsl60", "c99"};
-static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", ""};
+static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
+                                                    "es310",   "hlsl50",  "hlsl60",  "c99"};
+static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
+                                                    "310 es",   "",         "",         ""};
 
 static const struct {
     const char *name;
     int values;
 } options[] = {
-    {"stage", 3},   {"tracer", 8},   {"refinement", 3}, {"format", 4},    {"encoding", 3}, {"layout", 3},     {"per_cell", 2},
-    {"wrap_u", 3},  {"wrap_v", 3},   {"guarantee", 2},  {"aspect", 2},    {"size", 2},     {"filter", 3},     {"steps", 2},
-    {"status", 2},  {"t_range", 2},  {"cap", 3},        {"atlas", 2},     {"array", 2},    {"precision", 2},  {"external", 2},
-    {"binding", 2}, {"set", 2},      {"names", 2},      {"fetch", 2},     {"any", 2},      {"adaptive", 2},   {"scale", 2},
-    {"bisect", 2},  {"tolerance", 2}, {"max_tan", 2},
+    {"stage", 3},    {"tracer", 8},    {"refinement", 3}, {"format", 4},    {"encoding", 3}, {"layout", 3},
+    {"per_cell", 2}, {"wrap_u", 3},    {"wrap_v", 3},     {"guarantee", 2}, {"aspect", 2},   {"size", 2},
+    {"filter", 3},   {"steps", 2},     {"status", 2},     {"t_range", 2},   {"cap", 3},      {"atlas", 2},
+    {"array", 2},    {"precision", 2}, {"external", 2},   {"binding", 2},   {"set", 2},      {"names", 2},
+    {"fetch", 2},    {"any", 2},       {"adaptive", 2},   {"scale", 2},     {"bisect", 2},   {"tolerance", 2},
+    {"max_tan", 2},
 };
 enum { OPTIONS = sizeof options / sizeof options[0] };
 
@@ -114,13 +117,20 @@ static void wrap(const conemap_shader_desc *d)
         put(line);
     }
     if (d->external && !c) { /* the host's own declarations */
-        static const char *const given[3] = {"bumps", "soil", "tops"}, *const plain[3] = {"conemap_map", "conemap_heights", "conemap_maxima"};
+        static const char *const given[3] = {"bumps", "soil", "tops"}, *const plain[3] = {"conemap_map",
+                                                                                          "conemap_heights",
+                                                                                          "conemap_maxima"};
         int k;
         for (k = 0; k < 3; ++k) {
             const char *name = d->prefix ? given[k] : plain[k];
-            if (hlsl) sprintf(line, "Texture2D%s<%s> %s : register(t%d);\n", d->array ? "Array" : "", k == 0 ? "float4" : "float", name, k + 7);
-            else if (vulkan) sprintf(line, "layout(binding = %d) uniform sampler2D%s %s;\n", k + 7, d->array ? "Array" : "", name);
-            else sprintf(line, "uniform highp sampler2D%s %s;\n", d->array ? "Array" : "", name);
+            if (hlsl)
+                sprintf(line, "Texture2D%s<%s> %s : register(t%d);\n", d->array ? "Array" : "",
+                        k == 0 ? "float4" : "float", name, k + 7);
+            else if (vulkan)
+                sprintf(line, "layout(binding = %d) uniform sampler2D%s %s;\n", k + 7, d->array ? "Array" : "",
+                        name);
+            else
+                sprintf(line, "uniform highp sampler2D%s %s;\n", d->array ? "Array" : "", name);
             put(line);
         }
         if (hlsl) {
@@ -131,36 +141,79 @@ static void wrap(const conemap_shader_desc *d)
     put(text);
     if (functions) {
         char call[400];
-        sprintf(call, "%s_%s(%s, %s", prefix, d->trace.any_hit ? "any_hit" : "trace", c ? "o" : hlsl ? "p.xyz" : "host_ray",
-                c ? "d" : hlsl ? "float3(p.yz, -p.w)" : "vec3(host_ray.xy, -1.0)");
+        sprintf(call, "%s_%s(%s, %s", prefix, d->trace.any_hit ? "any_hit" : "trace",
+                c      ? "o"
+                : hlsl ? "p.xyz"
+                       : "host_ray",
+                c      ? "d"
+                : hlsl ? "float3(p.yz, -p.w)"
+                       : "vec3(host_ray.xy, -1.0)");
         if (d->t_range) strcat(call, c ? ", 0.1f, 2.0f" : ", 0.1, 2.0");
         if (d->run_time_cap) strcat(call, ", 50");
         if (d->atlas) strcat(call, c ? ", r" : hlsl ? ", int4(1, 2, 3, 4)" : ", ivec4(1, 2, 3, 4)");
-        if (d->fetch && !d->fixed_size && !d->atlas) strcat(call, c ? ", s" : hlsl ? ", int2(3, 4)" : ", ivec2(3, 4)");
+        if (d->fetch && !d->fixed_size && !d->atlas)
+            strcat(call, c ? ", s" : hlsl ? ", int2(3, 4)" : ", ivec2(3, 4)");
         if (d->array) strcat(call, ", 1");
         strcat(call, ")");
         if (c)
-            sprintf(line, "bool host(%s_vec3 o, %s_vec3 d%s%s%s);\nbool host(%s_vec3 o, %s_vec3 d%s%s%s) {\n    return %s%s;\n}\n", prefix, prefix,
-                    d->atlas ? ", " : d->fixed_size ? "" : ", ", d->atlas ? prefix : d->fixed_size ? "" : prefix,
-                    d->atlas ? "_ivec4 r" : d->fixed_size ? "" : "_ivec2 s", prefix, prefix, d->atlas ? ", " : d->fixed_size ? "" : ", ",
-                    d->atlas ? prefix : d->fixed_size ? "" : prefix, d->atlas ? "_ivec4 r" : d->fixed_size ? "" : "_ivec2 s", call,
-                    d->trace.any_hit ? "" : ".found");
+            sprintf(line,
+                    "bool host(%s_vec3 o, %s_vec3 d%s%s%s);\nbool host(%s_vec3 o, %s_vec3 d%s%s%s) {\n    return "
+                    "%s%s;\n}\n",
+                    prefix, prefix,
+                    d->atlas        ? ", "
+                    : d->fixed_size ? ""
+                                    : ", ",
+                    d->atlas        ? prefix
+                    : d->fixed_size ? ""
+                                    : prefix,
+                    d->atlas        ? "_ivec4 r"
+                    : d->fixed_size ? ""
+                                    : "_ivec2 s",
+                    prefix, prefix,
+                    d->atlas        ? ", "
+                    : d->fixed_size ? ""
+                                    : ", ",
+                    d->atlas        ? prefix
+                    : d->fixed_size ? ""
+                                    : prefix,
+                    d->atlas        ? "_ivec4 r"
+                    : d->fixed_size ? ""
+                                    : "_ivec2 s",
+                    call, d->trace.any_hit ? "" : ".found");
         else if (hlsl)
-            sprintf(line, "float4 main(float4 p : TEXCOORD0) : SV_Target {\n    return %s%s ? 1.0 : 0.0;\n}\n", call, d->trace.any_hit ? "" : ".found");
+            sprintf(line, "float4 main(float4 p : TEXCOORD0) : SV_Target {\n    return %s%s ? 1.0 : 0.0;\n}\n",
+                    call, d->trace.any_hit ? "" : ".found");
         else
-            sprintf(line, "%sin vec3 host_ray;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s%s ? 1.0 : 0.0);\n}\n",
-                    vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call, d->trace.any_hit ? "" : ".found");
+            sprintf(line,
+                    "%sin vec3 host_ray;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s%s ? 1.0 "
+                    ": 0.0);\n}\n",
+                    vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call,
+                    d->trace.any_hit ? "" : ".found");
         put(line);
     }
     if (d->fetch) {
-        const char *two = hlsl ? "float2" : c ? "" : "vec2", *index = d->filter == CONEMAP_FILTER_HARDWARE ? "float i, float j" : "int i, int j";
-        if (c && !heights) sprintf(line, "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)i + (float)j%s;\n    return v;\n}\n", prefix, index, slice, prefix, d->array ? " + (float)slice" : "");
-        else if (c) sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s;\n}\n", index, slice, d->array ? " + (float)slice" : "");
-        else if (heights) sprintf(line, "float host_fetch(%s%s) {\n    return 0.01 * float(i + j)%s;\n}\n", index, slice, d->array ? " * float(slice)" : "");
-        else sprintf(line, "%s host_fetch(%s%s) {\n    return %s(0.01 * float(i + j)%s, 0.5);\n}\n", two, index, slice, two, d->array ? " * float(slice)" : "");
+        const char *two = hlsl ? "float2"
+                          : c  ? ""
+                               : "vec2",
+                   *index = d->filter == CONEMAP_FILTER_HARDWARE ? "float i, float j" : "int i, int j";
+        if (c && !heights)
+            sprintf(line,
+                    "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)i + (float)j%s;\n    "
+                    "return v;\n}\n",
+                    prefix, index, slice, prefix, d->array ? " + (float)slice" : "");
+        else if (c)
+            sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s;\n}\n", index, slice,
+                    d->array ? " + (float)slice" : "");
+        else if (heights)
+            sprintf(line, "float host_fetch(%s%s) {\n    return 0.01 * float(i + j)%s;\n}\n", index, slice,
+                    d->array ? " * float(slice)" : "");
+        else
+            sprintf(line, "%s host_fetch(%s%s) {\n    return %s(0.01 * float(i + j)%s, 0.5);\n}\n", two, index,
+                    slice, two, d->array ? " * float(slice)" : "");
         put(line);
         if (blocks) {
-            sprintf(line, "float host_maxima(int i, int j, int level%s) {\n    return %s(i + j + level%s);\n}\n", slice, c ? "(float)" : "float", d->array ? " + slice" : "");
+            sprintf(line, "float host_maxima(int i, int j, int level%s) {\n    return %s(i + j + level%s);\n}\n",
+                    slice, c ? "(float)" : "float", d->array ? " + slice" : "");
             put(line);
         }
     }
@@ -190,13 +243,54 @@ static void variant(conemap_dialect dialect, const int *choice)
         return;
     }
     sprintf(path, "%s/%05d_%s.%s", folder, written++, kinds[desc.stage],
-            dialect == CONEMAP_C99 ? "c" : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
-            : desc.stage == CONEMAP_STAGE_COMPUTE                                                   ? "comp"
-                                                                                                    : "frag");
+            dialect == CONEMAP_C99                                     ? "c"
+            : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
+            : desc.stage == CONEMAP_STAGE_COMPUTE                      ? "comp"
+                                                                       : "frag");
     file = fopen(path, "wb");
     if (!file || fputs(whole, file) < 0 || fclose(file) != 0) {
         fprintf(stderr, "variants: %s cannot be written\n", path);
         exit(1);
+    }
+}
+
+/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size. */
+static void kernels(conemap_dialect dialect)
+{
+    int k;
+    for (k = 0; dialect != CONEMAP_C99 && k < 4 * 2 * 2 * 4 * 3 * 2 * 4 * 2; ++k) {
+        conemap_shader_desc desc;
+        const int named = k % 2, kernel = k / 2 % 4, compute = k / 8 % 2;
+        char path[600];
+        FILE *file;
+        memset(&desc, 0, sizeof desc);
+        desc.dialect = dialect;
+        desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
+        desc.map.texture.format = (conemap_format)(k / 16 % 4);
+        desc.map.texture.encoding = (conemap_encoding)(k / 64 % 3);
+        desc.map.texture.layout = (conemap_layout)(k / 192 % 2);
+        desc.map.wrap_u = k / 384 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = k / 768 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = k / 1536 % 2;
+        desc.map.width = desc.map.height = 64;
+        if (named) {
+            desc.prefix = "relief";
+            desc.binding = dialect == CONEMAP_GLSL_330 || dialect == CONEMAP_ESSL_300 ? 0 : 2;
+        }
+        if (conemap_emit_kernel(&desc, (conemap_kernel)kernel, whole, sizeof whole, NULL) != CONEMAP_OK) {
+            ++refused;
+            continue;
+        }
+        if (known(whole)) {
+            ++equal;
+            continue;
+        }
+        sprintf(path, "%s/%05d_%s.%s", folder, written++, compute ? "compute" : "fragment",
+                dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
+                : compute                                                ? "comp"
+                                                                         : "frag");
+        file = fopen(path, "wb");
+        if (!file || fputs(whole, file) < 0 || fclose(file) != 0) exit(1);
     }
 }
 
@@ -221,10 +315,12 @@ int main(int argument_count, char **arguments)
                 }
     for (k = 0; k < sample * 40 && sample > 0; ++k) { /* most of what is drawn is refused */
         int before = written;
-        for (a = 0; a < OPTIONS; ++a) choice[a] = zoo_below(&random, 3) ? 0 : zoo_below(&random, options[a].values);
+        for (a = 0; a < OPTIONS; ++a)
+            choice[a] = zoo_below(&random, 3) ? 0 : zoo_below(&random, options[a].values);
         variant((conemap_dialect)dialect, choice);
         sample -= written > before;
     }
+    kernels((conemap_dialect)dialect);
     printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
