@@ -118,7 +118,8 @@ extern "C" {
    A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
    reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
 
-   Bits. Results are the same to the bit however the work is split into jobs, on every strict IEEE build.
+   Bits. Results are the same to the bit however the work is split into jobs and whatever instruction set does it, on every
+   strict IEEE build.
 
    Threads. There is no mutable global. A finished map is read-only: any number of threads may trace it.
    ====================================================================================================== */
@@ -5788,14 +5789,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_into)(const conemap__search *search, co
         if (plain) {
             beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
         } else {
-            CONEMAP__M near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
+            CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
             d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
             bar = CONEMAP__MUL(bar, d2);
             beats = CONEMAP__LT(bar, dh2);
             if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
                 CONEMAP__F folded = CONEMAP__LOADF(tile->lane_folded + i);
                 wide = CONEMAP__LT(CONEMAP__MUL(bar, CONEMAP__F1(search->widen2)), dh2);
-                wide = CONEMAP__AND(beats, CONEMAP__OR(near, wide));
+                wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, wide));
                 folded = CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
                 CONEMAP__STOREF(tile->lane_folded + i, folded);
                 beats = wide;
@@ -5843,14 +5844,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
                 alive[c] |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2)) << g;
             } else {
                 CONEMAP__I asked = CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__group_bit + g));
-                CONEMAP__M beats, near, wide, dropped;
-                near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
+                CONEMAP__M beats, is_near, wide, dropped;
+                is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
                 d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
                 product = CONEMAP__MUL(bar, d2);
                 beats = CONEMAP__LT(product, dh2);
                 if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
                     CONEMAP__F folded = CONEMAP__LOADF(tile->folded + g);
-                    wide = CONEMAP__AND(beats, CONEMAP__OR(near, CONEMAP__LT(CONEMAP__MUL(product,
+                    wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(product,
                                                                              CONEMAP__F1(search->widen2)), dh2)));
                     dropped = CONEMAP__ANDNOT(CONEMAP__ANDNOT(beats, wide), CONEMAP__IEQ(asked, CONEMAP__I1(0)));
                     folded = CONEMAP__PICK(dropped, CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
