@@ -128,7 +128,8 @@ extern "C" {
    A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
    reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
 
-   Bits. Results are the same to the bit however the work is split into jobs, on every strict IEEE build.
+   Bits. Results are the same to the bit however the work is split into jobs and whatever instruction set does it, on every
+   strict IEEE build.
 
    Threads. There is no mutable global. A finished map is read-only: any number of threads may trace it.
    ====================================================================================================== */
@@ -1808,6 +1809,11 @@ static const float conemap__lane_x[CONEMAP__TILE * CONEMAP__TILE] = {
 static const float conemap__lane_y[CONEMAP__TILE * CONEMAP__TILE] = {
     0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3, 0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3,
     4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7, 4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7};
+static const int32_t conemap__lane_bit[CONEMAP__TILE * CONEMAP__TILE] = { /* of the lane's group */
+    1, 1, 1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 8, 8, 8, 8, 16, 16, 16, 16, 32, 32, 32, 32, 64, 64, 64, 64,
+    128, 128, 128, 128, 256, 256, 256, 256, 512, 512, 512, 512, 1024, 1024, 1024, 1024, 2048, 2048,
+    2048, 2048, 4096, 4096, 4096, 4096, 8192, 8192, 8192, 8192, 16384, 16384, 16384, 16384, 32768,
+    32768, 32768, 32768};
 static const int32_t conemap__group_bit[16] = {1, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7,
                                                1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15};
 static const float conemap__group_x[16] = {0, 2, 0, 2, 4, 6, 4, 6, 0, 2, 0, 2, 4, 6, 4, 6};
@@ -2922,13 +2928,16 @@ CONEMAP__INLINE int conemap__has_cell(const conemap__band *band, int i, int j) {
     return j >= band->y0 && j < band->y1;
 }
 
-/* Raises the slope of a cell that the band has. */
-CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j, float slope2) {
+CONEMAP__INLINE float *conemap__cell_at(const conemap__band *band, int i, int j) {
     const conemap_info *info = &band->map->info;
-    float *at;
     i = conemap__repeat(conemap__cell_place(i, info->width, info->wrap_u, info->texture.per_cell), info->width);
     j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
-    at = &band->cell_slopes[(size_t)j * (size_t)info->width + (size_t)i];
+    return &band->cell_slopes[(size_t)j * (size_t)info->width + (size_t)i];
+}
+
+/* Raises the slope of a cell that the band has. */
+CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j, float slope2) {
+    float *at = conemap__cell_at(band, i, j);
     *at = conemap__max(*at, slope2);
 }
 
@@ -3076,7 +3085,10 @@ static int conemap__outdone(const conemap__band *band, int i, int j, int k, int 
 
 /* Cell (i, j) as it is seen from vertex v. */
 static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj, float least) {
-    if (conemap__has_cell(band, i, j)) conemap__raise_cell(band, i, j, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, least));
+    float *at;
+    if (!conemap__has_cell(band, i, j)) return;
+    at = conemap__cell_at(band, i, j);
+    *at = conemap__max(*at, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, conemap__max(least, *at)));
 }
 
 /* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. `least` is
@@ -3084,17 +3096,19 @@ static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, in
 static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float least, float best) {
     float dh = conemap__vertex(band->map, vi, vj) - conemap__vertex(band->map, ui, uj);
     float bound = conemap__corner_bound(band, dh, vi - ui, vj - uj);
+    float most = bound * (1.0f + 1.0f / 65536.0f); /* of what is behind the bound, rounding included */
     int k, i, j;
     for (k = 0; k < 4; ++k) {
         i = vi - (k & 1);
         j = vj - (k >> 1);
-        if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, ui, uj) &&
+        if (most > best && conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, ui, uj) &&
             conemap__sees_cell(band->map, band->sector, i, j, ui, uj, 1.0f) &&
             !conemap__outdone(band, i, j, ui, uj, 1.0f, bound))
             best = conemap__cell_slope2(band, i, j, ui, uj, 1.0f, best);
         i = ui - (k & 1);
         j = uj - (k >> 1);
         if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, vi, vj) &&
+            conemap__has_cell(band, i, j) && most > *conemap__cell_at(band, i, j) &&
             conemap__sees_cell(band->map, band->sector, i, j, vi, vj, -1.0f) &&
             !conemap__outdone(band, i, j, vi, vj, -1.0f, bound))
             conemap__raise_seen_cell(band, i, j, vi, vj, least);
@@ -3200,6 +3214,7 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
             if (!(bounds[i] > known[i])) continue;
             if (!conemap__is_wanted(map, band->number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
             at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
+            if (at) best = conemap__max(best, *at);
             apex = conemap__vertex(map, x + i, j);
             for (k = 0; k < near_ones->count; ++k) {
                 int vi = x + i + near_ones->x[k], vj = j + near_ones->y[k];
@@ -3210,7 +3225,7 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
                 if (dh > 0.0f && dh * dh * near_ones->inverse[k] > known[i])
                     best = conemap__near_pair(band, x + i, j, vi, vj, known[i], best);
             }
-            if (at && best > known[i]) *at = conemap__max(*at, best);
+            if (at) *at = conemap__max(*at, best);
         }
     }
 }
@@ -11689,7 +11704,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(sum_up)(conemap__tile *tile, int first) {
    count from the tile's corner. `plain`: vertex cones. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x, int y,
                                               const float *heights, int texels, int plain) {
-    int block, i, c, noted, any = 0, whole = search->widen2 > 1.0f; /* with slack the lanes must not matter */
+    int block, i, c, noted, any = 0;
     if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
     noted = tile->noted;
     for (block = 0; block < 4; ++block) {
@@ -11700,7 +11715,9 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
             CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i);
             CONEMAP__F bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
             CONEMAP__F dx[2], dy[2];
-            if (!whole && !(groups >> i / 4 & CONEMAP__LANE_GROUPS)) continue;
+            CONEMAP__M asked;
+            if (!(groups >> i / 4 & CONEMAP__LANE_GROUPS)) continue;
+            asked = CONEMAP__IGT(CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__lane_bit + i)), CONEMAP__I1(0));
             for (c = 0; c < (texels > 1 ? 2 : 1); ++c) {
                 dx[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(x + c)), lane_x), CONEMAP__F1(search->a));
                 dy[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(y + c)), lane_y), CONEMAP__F1(search->b));
@@ -11717,6 +11734,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
                     CONEMAP__M is_far = CONEMAP__LE(CONEMAP__F1(search->near2), d2);
                     d2 = CONEMAP__SUB(d2, CONEMAP__F1(search->deflate));
                     beats = CONEMAP__AND(is_far, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
+                    beats = CONEMAP__AND(beats, asked); /* with slack it matters which lanes look */
                 }
                 if (CONEMAP__ANY(beats)) {
                     CONEMAP__F slope2 = CONEMAP__DIV(dh2, d2);
@@ -11761,14 +11779,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_into)(const conemap__search *search, co
         if (plain) {
             beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
         } else {
-            CONEMAP__M near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
+            CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
             d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
             bar = CONEMAP__MUL(bar, d2);
             beats = CONEMAP__LT(bar, dh2);
             if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
                 CONEMAP__F folded = CONEMAP__LOADF(tile->lane_folded + i);
                 wide = CONEMAP__LT(CONEMAP__MUL(bar, CONEMAP__F1(search->widen2)), dh2);
-                wide = CONEMAP__AND(beats, CONEMAP__OR(near, wide));
+                wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, wide));
                 folded = CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
                 CONEMAP__STOREF(tile->lane_folded + i, folded);
                 beats = wide;
@@ -11816,14 +11834,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
                 alive[c] |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2)) << g;
             } else {
                 CONEMAP__I asked = CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__group_bit + g));
-                CONEMAP__M beats, near, wide, dropped;
-                near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
+                CONEMAP__M beats, is_near, wide, dropped;
+                is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
                 d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
                 product = CONEMAP__MUL(bar, d2);
                 beats = CONEMAP__LT(product, dh2);
                 if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
                     CONEMAP__F folded = CONEMAP__LOADF(tile->folded + g);
-                    wide = CONEMAP__AND(beats, CONEMAP__OR(near, CONEMAP__LT(CONEMAP__MUL(product,
+                    wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(product,
                                                                              CONEMAP__F1(search->widen2)), dh2)));
                     dropped = CONEMAP__ANDNOT(CONEMAP__ANDNOT(beats, wide), CONEMAP__IEQ(asked, CONEMAP__I1(0)));
                     folded = CONEMAP__PICK(dropped, CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);

@@ -141,6 +141,93 @@ for flags in "-Ofast -march=native" "-O2 -ffast-math"; do
     need "guarantees gcc $flags" gcc && CHECK_FILTER="tracers/ stability/" part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
 done
 
+# ---- instruction sets: every one that a machine or an emulator here has, against plain C ------------------------------
+lanes() { # RUNNER COMPILER FLAGS...: the tests of kernels alone
+    local runner=$1 compiler=$2
+    shift 2
+    # shellcheck disable=SC2086
+    $compiler -I. -O2 $strict "$@" $suite -o "$dir/suite" -lm && $runner "$dir/suite" kernels/ | tee "$dir/out" && ! grep -q " 0 passed" "$dir/out"
+}
+for compiler in gcc clang; do
+    for mode in -std=gnu17 "-std=gnu11 -march=native"; do
+        # shellcheck disable=SC2086
+        need "instruction sets $compiler $mode" $compiler && part "instruction sets $compiler $mode" lanes "" $compiler $mode
+    done
+done
+need "instruction sets g++ -std=gnu++17" g++ && part "instruction sets g++ -std=gnu++17" lanes "" "g++ -x c++" -std=gnu++17
+need "instruction sets clang++ -std=c++11" clang++ && part "instruction sets clang++ -std=c++11" lanes "" "clang++ -x c++" -std=c++11
+need "instruction sets NEON" aarch64-linux-gnu-gcc qemu-aarch64 &&
+    part "instruction sets NEON" lanes qemu-aarch64 aarch64-linux-gnu-gcc -std=c99 -static
+if grep -q avx512vl /proc/cpuinfo 2>/dev/null; then :; else skip "instruction sets AVX-512" "AVX-512 (compiled only)"; fi
+msvc() { # clang in MSVC mode knows its intrinsics; system headers are missing, so only what is ours is looked at
+    mkdir -p "$dir/include"
+    printf '#pragma once\ntypedef unsigned long long size_t;\nvoid *memcpy(void *, const void *, size_t);\nvoid *memset(void *, int, size_t);\nint memcmp(const void *, const void *, size_t);\nint strncmp(const char *, const char *, size_t);\n' >"$dir/include/string.h"
+    printf '#pragma once\nvoid *malloc(unsigned long long);\nvoid free(void *);\n' >"$dir/include/stdlib.h"
+    printf '#pragma once\nvoid *_aligned_malloc(unsigned long long, unsigned long long);\nvoid _aligned_free(void *);\n' >"$dir/include/malloc.h"
+    printf '#pragma once\nfloat sqrtf(float);\ndouble sqrt(double);\ndouble floor(double);\nfloat floorf(float);\n' >"$dir/include/math.h"
+    clang --target=x86_64-pc-windows-msvc -fms-compatibility-version=19.30 -std=c99 -mavx2 -mavx512f -mavx512bw -mavx512dq -mavx512vl \
+        -isystem "$dir/include" -I. -fsyntax-only "$work/impl.c"
+}
+need "syntax for MSVC" clang && part "syntax for MSVC" msvc
+wasm() { # executed in node: plain C against SIMD128
+    mkdir -p "$dir/include"
+    printf '#include <stddef.h>\nvoid *memcpy(void *, const void *, size_t);\nvoid *memset(void *, int, size_t);\nint memcmp(const void *, const void *, size_t);\n' >"$dir/include/string.h"
+    printf '#include <stddef.h>\nvoid *malloc(size_t);\nvoid free(void *);\n' >"$dir/include/stdlib.h"
+    printf '#define sqrtf __builtin_sqrtf\n#define sqrt __builtin_sqrt\n#define floor __builtin_floor\n' >"$dir/include/math.h"
+    cat >"$dir/wasm.c" <<'END'
+#include <string.h>
+static unsigned char heap[1 << 24];
+static size_t used;
+void *malloc(size_t size) { void *at = heap + used; used += (size + 15) / 16 * 16; return used <= sizeof heap ? at : 0; }
+void free(void *memory) { (void)memory; }
+void *memcpy(void *to, const void *from, size_t n) { char *t = to; const char *f = from; while (n--) *t++ = *f++; return to; }
+void *memset(void *to, int c, size_t n) { char *t = to; while (n--) *t++ = (char)c; return to; }
+int memcmp(const void *a, const void *b, size_t n) { const unsigned char *x = a, *y = b; for (; n; --n, ++x, ++y) if (*x != *y) return *x - *y; return 0; }
+#define CONEMAP_IMPLEMENTATION
+#include "conemap.h"
+/* 0 if all is well: every generator, wrap mode and format, plain C against the best there is. */
+__attribute__((export_name("run"))) int run(void) {
+    static unsigned short pixels[61 * 47];
+    unsigned seed = 1, k;
+    int round;
+    for (round = 0; round < 48; ++round) {
+        conemap_desc desc;
+        conemap_map plain, wide;
+        used = 0;
+        for (k = 0; k < 61 * 47; ++k) {
+            seed = seed * 1664525u + 1013904223u;
+            pixels[k] = (unsigned short)(round & 1 ? seed >> 16 : 300u * (k % 61u) + (seed >> 19));
+        }
+        memset(&desc, 0, sizeof desc);
+        desc.heights.pixels = pixels;
+        desc.heights.format = CONEMAP_UNORM16;
+        desc.heights.width = 61 - round;
+        desc.heights.height = 47;
+        desc.heights.row_stride = 122;
+        desc.wrap_u = (conemap_wrap)(round % 3);
+        desc.wrap_v = (conemap_wrap)(round / 3 % 3);
+        desc.generator = round % 4 == 3 ? CONEMAP_QUICK : CONEMAP_EXACT;
+        if (round % 4 == 1) desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+        if (round % 4 == 2) desc.slack = 0.1f;
+        desc.texture.format = (conemap_format)(round % 4);
+        desc.isa = CONEMAP_ISA_SCALAR;
+        if (conemap_build(&desc, &plain) != CONEMAP_OK) return 1;
+        desc.isa = CONEMAP_ISA_WASM;
+        if (conemap_build(&desc, &wide) != CONEMAP_OK || wide.isa != CONEMAP_ISA_WASM) return 2;
+        k = (unsigned)(desc.heights.width * desc.heights.height) * (unsigned)sizeof(float);
+        if (memcmp(plain.heights, wide.heights, k) != 0 || memcmp(plain.cones, wide.cones, k) != 0) return 100 + round;
+    }
+    return 0;
+}
+END
+    clang --target=wasm32 -O2 -msimd128 -nostdlib -ffreestanding -fno-builtin -ffp-contract=off -isystem "$dir/include" -I. \
+        -Wl,--no-entry "$dir/wasm.c" -o "$dir/wasm.wasm" || return 1
+    have node || { echo "compiled only: no node"; return 0; }
+    node -e 'const fs = require("fs"); WebAssembly.instantiate(fs.readFileSync(process.argv[1]), {}).then(m => {
+        const r = m.instance.exports.run(); console.log("result", r); process.exit(r === 0 ? 0 : 1); })' "$dir/wasm.wasm"
+}
+need "instruction sets WebAssembly" clang wasm-ld && part "instruction sets WebAssembly" wasm
+
 # ---- sanitizers and valgrind ----------------------------------------------------------------------------------
 for compiler in gcc clang; do
     need "sanitizers $compiler" $compiler && part "sanitizers $compiler" suite_run "" $compiler -std=c99 $strict -g -O1 \
