@@ -36,6 +36,7 @@
        S A M P L I N G             height, cone and normal at a point
        V E R I F Y I N G           proof that interpolated cones are empty
        T R A C I N G               rays against the relief
+       P R E P A R E D   T R A C I N G   the same for many rays: a table for each cell, rays side by side
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
@@ -48,6 +49,7 @@
        S A M P L E R S             bilinear cells
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        T R A C E R S               the walk through cells, every tracer, refinement
+       P R E P A R A T I O N       the prepared tracer's table, with the proof; its rays' way in and out
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -584,6 +586,71 @@ CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float 
 CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
                                          const conemap_ray *rays, conemap_hit *hits, int count);
 
+/* ======================================================================================================
+   P R E P A R E D   T R A C I N G
+
+   The same hits, many rays at a time: the map's surface gets a table of its own, 8 bytes for each bilinear cell, from
+   which a ray reads how far it may fly into its quadrant; it then needs no cones. Rays are traced side by side, one in each
+   lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction set nor on
+   which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
+   ====================================================================================================== */
+
+typedef struct conemap_prepare_desc {
+    conemap_isa isa;        /* 0: the best there is. One that conemap_isa_available denies is UNSUPPORTED */
+    conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
+    void *memory;           /* caller-owned memory for the table; null: allocate. Must outlive *prepared */
+    size_t memory_size;     /* at least conemap_prepare_memory's */
+} conemap_prepare_desc;
+
+/* Read-only for the caller. A plain struct, which may be copied or moved: free one copy only. */
+typedef struct conemap_prepared {
+    const conemap_map *map;
+    const uint64_t *table;  /* width * height records, private in what they hold */
+    int width, height;      /* cells; those in the outer half texel of CLAMP belong to their neighbours */
+    size_t memory_size;     /* bytes held beside the map */
+    double bytes_per_texel; /* the same for a texel of the map: 8 at most, 16 where an axis has but one */
+    conemap_isa isa;        /* never DEFAULT */
+    struct {                /* private */
+        void *memory;
+        int owns_memory;
+        conemap_allocator allocator;
+    } own;
+} conemap_prepared;
+
+/* Rays and hits as arrays, one for each component: what conemap_ray and conemap_hit say of their fields holds. */
+typedef struct conemap_ray_arrays {
+    const float *origin[3];
+    const float *direction[3];
+    const float *t_min;     /* null: 0 */
+    const float *t_max;     /* null: no end */
+} conemap_ray_arrays;
+
+typedef struct conemap_hit_arrays { /* any may be null: not wanted */
+    unsigned char *status;  /* a conemap_status */
+    unsigned char *inside;
+    float *t, *u, *v, *z;
+} conemap_hit_arrays;
+
+/* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses nothing.
+   map: stays where it is while *prepared is in use; after conemap_update, prepare again. desc: null for the defaults.
+   prepared: overwritten; zeroed unless OK. Takes the table and, during the call, about twice as much again from the
+   allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW, MEMORY, BUFFER,
+   ALIGNMENT. Thread-safe. Source: the max pyramid of [TIS08] and the cones of [Dum06], by quadrant. */
+CONEMAP_API conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
+                                           conemap_prepared *prepared);
+/* The bytes of its table; 0 for a null or empty map. */
+CONEMAP_API size_t conemap_prepare_memory(const conemap_map *map);
+/* Releases what it owns and zeroes it; null and zeroed ones are fine. */
+CONEMAP_API void conemap_free_prepared(conemap_prepared *prepared);
+
+/* As conemap_trace with CONEMAP_TRACE_EXACT, and with its promise. t, u, v, z differ by rounding only; steps counts the
+   steps of this walk, and fallback is 0. Rays and hits may not overlap. Errors: NULL, PARAMETER (count), and those of
+   rays. Any thread; takes about 16 KiB of stack. */
+CONEMAP_API conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
+                                                  conemap_hit *hits, int count);
+CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared, const conemap_ray_arrays *rays,
+                                                const conemap_hit_arrays *hits, int count);
+
 #ifdef __cplusplus
 }
 #endif
@@ -656,6 +723,12 @@ CONEMAP__INLINE uint32_t conemap__bits(float x) {
 
 CONEMAP__INLINE float conemap__from_bits(uint32_t bits) {
     float x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+CONEMAP__INLINE double conemap__double_of(uint64_t bits) {
+    double x;
     memcpy(&x, &bits, sizeof x);
     return x;
 }
@@ -993,6 +1066,11 @@ static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyrami
        ANY BITS           does some lane hold; one bit for each lane that holds, lane 0 lowest
        TOF TOI            between numbers, towards zero        BITSF BITSI   the same bits as another type
        EVEN ODD           every second lane of two vectors in a row
+   Types CONEMAP__D, CONEMAP__L, CONEMAP__W hold CONEMAP__DLANES doubles, uint64s and truth values of doubles:
+       D1 L1 LOADD STORED LOADL ADDD SUBD MULD DIVD SQRTD MIND MAXD LTD LED ANDW ORW ANDNOTW PICKD BITSW   as above
+       GATHERL GATHERFD   (base, i) uint64s or floats, these as doubles, at whole numbers i in 0..2^31 - 1
+       WHOLE              towards zero, for 0..2^31 - 1
+       LADD LAND LSHL     uint64s; LSHRL shifts each lane by its own count; BITSD the same bits as doubles
    To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
    kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
    cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
@@ -1020,6 +1098,50 @@ static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyrami
 #include <wasm_simd128.h>
 #endif
 
+/* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
+   P R E P A R A T I O N. */
+#define CONEMAP__SLOTS 64
+#define CONEMAP__BLOCK 8
+typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
+    double cell[CONEMAP__BLOCK], p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
+    double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
+    double sign[CONEMAP__BLOCK];  /* -1 where mirrored */
+    double lower[CONEMAP__BLOCK]; /* the cell's number less that of the texel at its near border */
+} conemap__way;
+
+typedef struct conemap__block_of_rays {
+    double state[CONEMAP__BLOCK];   /* CONEMAP__FLYING ... */
+    double t[CONEMAP__BLOCK], t_end[CONEMAP__BLOCK], steps[CONEMAP__BLOCK];
+    double z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK], z_end[CONEMAP__BLOCK];
+    double sink[CONEMAP__BLOCK];    /* time to sink by 1; huge if it does not */
+    double major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
+    double table_start[CONEMAP__BLOCK], texel_start[CONEMAP__BLOCK]; /* index of cell 0 and texel 0, mirrored */
+    uint64_t shift[CONEMAP__BLOCK]; /* to its quadrant's part of a record */
+    conemap__way way[2];
+} conemap__block_of_rays;
+
+typedef struct conemap__flight_axis {
+    double period, per_period;      /* cells until it repeats, 0: never; 1 / period */
+    double outer, last, pitch;      /* the table's: cells before its first, its last one, steps between two */
+    double last_texel, texel_pitch; /* the same of the heights */
+    double before, after;           /* the texels that stand beyond the first and the last */
+} conemap__flight_axis;
+
+typedef struct conemap__flight {
+    const uint64_t *table;
+    const float *heights;
+    conemap__flight_axis axis[2];
+    int groups, next;               /* of DLANES slots each; the one to go on with */
+    int flying[CONEMAP__SLOTS];     /* for each group: its lanes that can go on by the table, as bits */
+    int aboard[CONEMAP__SLOTS];     /* for each group: how many rays */
+    conemap__block_of_rays *blocks;
+} conemap__flight;
+
+#define CONEMAP__FLYING 0.0
+#define CONEMAP__CLOSE 1.0 /* the next cell is to be met with its patch */
+#define CONEMAP__GONE 2.0  /* t_end reached above the surface */
+#define CONEMAP__MET 3.0
+
 /* The kernels of one instruction set. `count` is always in texels. */
 typedef struct conemap__kernels {
     /* Reads row y of the caller's heights as the texture will hold them; 0 if one is not a height. */
@@ -1030,10 +1152,19 @@ typedef struct conemap__kernels {
     void (*tangent_row)(const float *const *slopes2, int rows, float margin, float max_tan, int count, float *out);
     /* The widest stored values that decode to no more than the tangents. */
     void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
+    /* out: the larger of two rows, or of four places in two rows; slopes and free as in conemap__look. */
+    void (*larger_row)(const float *a, const float *b, int count, float *out);
+    void (*rise_row)(const float *squares, int shift, const float *tops, float per_reach, int32_t code, int count,
+                     float *slopes, int32_t *clear);
+    /* Goes on until all rays of a group have met the surface or are gone; returns the group. */
+    int (*fly)(conemap__flight *flight);
+    int double_lanes;
 } conemap__kernels;
 
 #define CONEMAP__KERNEL_LIST(isa)                                                                          \
-    { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa }
+    { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
+      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa,               \
+      conemap__double_lanes_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -1081,6 +1212,37 @@ typedef struct conemap__kernels {
 #define CONEMAP__BITSI(f) ((int32_t)conemap__bits(f))
 #define CONEMAP__EVEN(a, b) (a)
 #define CONEMAP__ODD(a, b) (b)
+#define CONEMAP__DLANES 1
+#define CONEMAP__D double
+#define CONEMAP__L uint64_t
+#define CONEMAP__W int
+#define CONEMAP__D1(x) (x)
+#define CONEMAP__L1(x) (x)
+#define CONEMAP__LOADD(p) (*(p))
+#define CONEMAP__STORED(p, v) ((void)(*(p) = (v)))
+#define CONEMAP__LOADL(p) (*(p))
+#define CONEMAP__GATHERL(base, i) ((base)[(int32_t)(i)])
+#define CONEMAP__GATHERFD(base, i) ((double)(base)[(int32_t)(i)])
+#define CONEMAP__ADDD(a, b) ((a) + (b))
+#define CONEMAP__SUBD(a, b) ((a) - (b))
+#define CONEMAP__MULD(a, b) ((a) * (b))
+#define CONEMAP__DIVD(a, b) ((a) / (b))
+#define CONEMAP__SQRTD(a) sqrt(a)
+#define CONEMAP__MIND(a, b) ((a) < (b) ? (a) : (b))
+#define CONEMAP__MAXD(a, b) ((a) > (b) ? (a) : (b))
+#define CONEMAP__WHOLE(a) ((double)(int32_t)(a))
+#define CONEMAP__LTD(a, b) ((a) < (b))
+#define CONEMAP__LED(a, b) ((a) <= (b))
+#define CONEMAP__ANDW(a, b) ((a) & (b))
+#define CONEMAP__ORW(a, b) ((a) | (b))
+#define CONEMAP__ANDNOTW(a, b) ((a) & !(b))
+#define CONEMAP__PICKD(m, a, b) ((m) ? (a) : (b))
+#define CONEMAP__BITSW(m) (m)
+#define CONEMAP__LADD(a, b) ((a) + (b))
+#define CONEMAP__LAND(a, b) ((a) & (b))
+#define CONEMAP__LSHL(a, n) ((a) << (n))
+#define CONEMAP__LSHRL(a, n) ((a) >> (n))
+#define CONEMAP__BITSD(a) conemap__double_of(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(scalar);
 
@@ -1143,6 +1305,41 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__BITSI(f) _mm_castps_si128(f)
 #define CONEMAP__EVEN(a, b) _mm_shuffle_ps(a, b, 0x88)
 #define CONEMAP__ODD(a, b) _mm_shuffle_ps(a, b, 0xdd)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D __m128d
+#define CONEMAP__L __m128i
+#define CONEMAP__W __m128d
+#define CONEMAP__D1(x) _mm_set1_pd(x)
+#define CONEMAP__L1(x) _mm_set1_epi64x((long long)(x))
+#define CONEMAP__LOADD(p) _mm_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define CONEMAP__GATHERL(base, i)                                                                          \
+    _mm_set_epi64x((long long)(base)[_mm_cvttsd_si32(_mm_unpackhi_pd(i, i))], (long long)(base)[_mm_cvttsd_si32(i)])
+#define CONEMAP__GATHERFD(base, i)                                                                         \
+    _mm_set_pd((double)(base)[_mm_cvttsd_si32(_mm_unpackhi_pd(i, i))], (double)(base)[_mm_cvttsd_si32(i)])
+#define CONEMAP__ADDD(a, b) _mm_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm_sqrt_pd(a)
+#define CONEMAP__MIND(a, b) _mm_min_pd(a, b)
+#define CONEMAP__MAXD(a, b) _mm_max_pd(a, b)
+#define CONEMAP__WHOLE(a) _mm_cvtepi32_pd(_mm_cvttpd_epi32(a))
+#define CONEMAP__LTD(a, b) _mm_cmplt_pd(a, b)
+#define CONEMAP__LED(a, b) _mm_cmple_pd(a, b)
+#define CONEMAP__ANDW(a, b) _mm_and_pd(a, b)
+#define CONEMAP__ORW(a, b) _mm_or_pd(a, b)
+#define CONEMAP__ANDNOTW(a, b) _mm_andnot_pd(b, a)
+#define CONEMAP__PICKD(m, a, b) _mm_or_pd(_mm_and_pd(m, a), _mm_andnot_pd(m, b))
+#define CONEMAP__BITSW(m) _mm_movemask_pd(m)
+#define CONEMAP__LADD(a, b) _mm_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm_and_si128(a, b)
+#define CONEMAP__LSHL(a, n) _mm_slli_epi64(a, n)
+#define CONEMAP__LSHRL(a, n)                                                                               \
+    _mm_castpd_si128(_mm_move_sd(_mm_castsi128_pd(_mm_srl_epi64(a, _mm_unpackhi_epi64(n, n))),             \
+                                 _mm_castsi128_pd(_mm_srl_epi64(a, n))))
+#define CONEMAP__BITSD(a) _mm_castsi128_pd(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2);
 
@@ -1194,6 +1391,38 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
     _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0x88)), 0xd8))
 #define CONEMAP__ODD(a, b)                                                                                 \
     _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0xdd)), 0xd8))
+#define CONEMAP__DLANES 4
+#define CONEMAP__D __m256d
+#define CONEMAP__L __m256i
+#define CONEMAP__W __m256d
+#define CONEMAP__D1(x) _mm256_set1_pd(x)
+#define CONEMAP__L1(x) _mm256_set1_epi64x((long long)(x))
+#define CONEMAP__LOADD(p) _mm256_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm256_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define CONEMAP__GATHERL(base, i)                                                                          \
+    _mm256_i32gather_epi64((const long long *)(const void *)(base), _mm256_cvttpd_epi32(i), 8)
+#define CONEMAP__GATHERFD(base, i) _mm256_cvtps_pd(_mm_i32gather_ps(base, _mm256_cvttpd_epi32(i), 4))
+#define CONEMAP__ADDD(a, b) _mm256_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm256_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm256_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm256_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm256_sqrt_pd(a)
+#define CONEMAP__MIND(a, b) _mm256_min_pd(a, b)
+#define CONEMAP__MAXD(a, b) _mm256_max_pd(a, b)
+#define CONEMAP__WHOLE(a) _mm256_round_pd(a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC)
+#define CONEMAP__LTD(a, b) _mm256_cmp_pd(a, b, _CMP_LT_OQ)
+#define CONEMAP__LED(a, b) _mm256_cmp_pd(a, b, _CMP_LE_OQ)
+#define CONEMAP__ANDW(a, b) _mm256_and_pd(a, b)
+#define CONEMAP__ORW(a, b) _mm256_or_pd(a, b)
+#define CONEMAP__ANDNOTW(a, b) _mm256_andnot_pd(b, a)
+#define CONEMAP__PICKD(m, a, b) _mm256_blendv_pd(b, a, m)
+#define CONEMAP__BITSW(m) _mm256_movemask_pd(m)
+#define CONEMAP__LADD(a, b) _mm256_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm256_and_si256(a, b)
+#define CONEMAP__LSHL(a, n) _mm256_slli_epi64(a, n)
+#define CONEMAP__LSHRL(a, n) _mm256_srlv_epi64(a, n)
+#define CONEMAP__BITSD(a) _mm256_castsi256_pd(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2);
 
@@ -1247,9 +1476,47 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30), b)
 #define CONEMAP__ODD(a, b)                                                                                 \
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31), b)
+#define CONEMAP__DLANES 8
+#define CONEMAP__D __m512d
+#define CONEMAP__L __m512i
+#define CONEMAP__W __mmask8
+#define CONEMAP__ALLD ((__mmask8)0xff)
+#define CONEMAP__D1(x) _mm512_set1_pd(x)
+#define CONEMAP__L1(x) _mm512_set1_epi64((long long)(x))
+#define CONEMAP__LOADD(p) _mm512_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm512_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm512_loadu_si512(p)
+#define CONEMAP__INDEXD(i) _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, i)
+#define CONEMAP__GATHERL(base, i)                                                                          \
+    _mm512_mask_i32gather_epi64(_mm512_setzero_si512(), CONEMAP__ALLD, CONEMAP__INDEXD(i), base, 8)
+#define CONEMAP__GATHERFD(base, i)                                                                         \
+    _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_mmask_i32gather_ps(_mm256_setzero_ps(), CONEMAP__ALLD,     \
+                                                                   CONEMAP__INDEXD(i), base, 4))
+#define CONEMAP__ADDD(a, b) _mm512_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm512_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm512_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm512_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm512_maskz_sqrt_pd(CONEMAP__ALLD, a)
+#define CONEMAP__MIND(a, b) _mm512_maskz_min_pd(CONEMAP__ALLD, a, b)
+#define CONEMAP__MAXD(a, b) _mm512_maskz_max_pd(CONEMAP__ALLD, a, b)
+#define CONEMAP__WHOLE(a) _mm512_maskz_roundscale_pd(CONEMAP__ALLD, a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC)
+#define CONEMAP__LTD(a, b) _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ)
+#define CONEMAP__LED(a, b) _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ)
+#define CONEMAP__ANDW(a, b) ((__mmask8)((a) & (b)))
+#define CONEMAP__ORW(a, b) ((__mmask8)((a) | (b)))
+#define CONEMAP__ANDNOTW(a, b) ((__mmask8)((a) & ~(b)))
+#define CONEMAP__PICKD(m, a, b) _mm512_mask_blend_pd(m, b, a)
+#define CONEMAP__BITSW(m) ((int)(m))
+#define CONEMAP__LADD(a, b) _mm512_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm512_and_si512(a, b)
+#define CONEMAP__LSHL(a, n) _mm512_maskz_slli_epi64(CONEMAP__ALLD, a, n)
+#define CONEMAP__LSHRL(a, n) _mm512_maskz_srlv_epi64(CONEMAP__ALLD, a, n)
+#define CONEMAP__BITSD(a) _mm512_castsi512_pd(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx512);
 #undef CONEMAP__ALL
+#undef CONEMAP__ALLD
+#undef CONEMAP__INDEXD
 #endif
 
 #ifdef CONEMAP__ARM
@@ -1304,6 +1571,40 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__BITSI(f) vreinterpretq_s32_f32(f)
 #define CONEMAP__EVEN(a, b) vuzp1q_f32(a, b)
 #define CONEMAP__ODD(a, b) vuzp2q_f32(a, b)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D float64x2_t
+#define CONEMAP__L uint64x2_t
+#define CONEMAP__W uint64x2_t
+#define CONEMAP__D1(x) vdupq_n_f64(x)
+#define CONEMAP__L1(x) vdupq_n_u64(x)
+#define CONEMAP__LOADD(p) vld1q_f64(p)
+#define CONEMAP__STORED(p, v) vst1q_f64(p, v)
+#define CONEMAP__LOADL(p) vld1q_u64(p)
+#define CONEMAP__GATHERL(base, i)                                                                          \
+    vcombine_u64(vcreate_u64((base)[(int32_t)vgetq_lane_f64(i, 0)]), vcreate_u64((base)[(int32_t)vgetq_lane_f64(i, 1)]))
+#define CONEMAP__GATHERFD(base, i)                                                                         \
+    vsetq_lane_f64((double)(base)[(int32_t)vgetq_lane_f64(i, 1)],                                          \
+                   vdupq_n_f64((double)(base)[(int32_t)vgetq_lane_f64(i, 0)]), 1)
+#define CONEMAP__ADDD(a, b) vaddq_f64(a, b)
+#define CONEMAP__SUBD(a, b) vsubq_f64(a, b)
+#define CONEMAP__MULD(a, b) vmulq_f64(a, b)
+#define CONEMAP__DIVD(a, b) vdivq_f64(a, b)
+#define CONEMAP__SQRTD(a) vsqrtq_f64(a)
+#define CONEMAP__MIND(a, b) vminq_f64(a, b)
+#define CONEMAP__MAXD(a, b) vmaxq_f64(a, b)
+#define CONEMAP__WHOLE(a) vrndq_f64(a)
+#define CONEMAP__LTD(a, b) vcltq_f64(a, b)
+#define CONEMAP__LED(a, b) vcleq_f64(a, b)
+#define CONEMAP__ANDW(a, b) vandq_u64(a, b)
+#define CONEMAP__ORW(a, b) vorrq_u64(a, b)
+#define CONEMAP__ANDNOTW(a, b) vbicq_u64(a, b)
+#define CONEMAP__PICKD(m, a, b) vbslq_f64(m, a, b)
+#define CONEMAP__BITSW(m) ((int)(vgetq_lane_u64(m, 0) & 1u) | (int)(vgetq_lane_u64(m, 1) & 2u))
+#define CONEMAP__LADD(a, b) vaddq_u64(a, b)
+#define CONEMAP__LAND(a, b) vandq_u64(a, b)
+#define CONEMAP__LSHL(a, n) vshlq_n_u64(a, n)
+#define CONEMAP__LSHRL(a, n) vshlq_u64(a, vnegq_s64(vreinterpretq_s64_u64(n)))
+#define CONEMAP__BITSD(a) vreinterpretq_f64_u64(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon);
 #endif
@@ -1357,6 +1658,43 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__BITSI(f) (f)
 #define CONEMAP__EVEN(a, b) wasm_i32x4_shuffle(a, b, 0, 2, 4, 6)
 #define CONEMAP__ODD(a, b) wasm_i32x4_shuffle(a, b, 1, 3, 5, 7)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D v128_t
+#define CONEMAP__L v128_t
+#define CONEMAP__W v128_t
+#define CONEMAP__D1(x) wasm_f64x2_splat(x)
+#define CONEMAP__L1(x) wasm_i64x2_splat((int64_t)(x))
+#define CONEMAP__LOADD(p) wasm_v128_load(p)
+#define CONEMAP__STORED(p, v) wasm_v128_store(p, v)
+#define CONEMAP__LOADL(p) wasm_v128_load(p)
+#define CONEMAP__GATHERL(base, i)                                                                          \
+    wasm_i64x2_make((int64_t)(base)[(int32_t)wasm_f64x2_extract_lane(i, 0)],                               \
+                    (int64_t)(base)[(int32_t)wasm_f64x2_extract_lane(i, 1)])
+#define CONEMAP__GATHERFD(base, i)                                                                         \
+    wasm_f64x2_make((double)(base)[(int32_t)wasm_f64x2_extract_lane(i, 0)],                                \
+                    (double)(base)[(int32_t)wasm_f64x2_extract_lane(i, 1)])
+#define CONEMAP__ADDD(a, b) wasm_f64x2_add(a, b)
+#define CONEMAP__SUBD(a, b) wasm_f64x2_sub(a, b)
+#define CONEMAP__MULD(a, b) wasm_f64x2_mul(a, b)
+#define CONEMAP__DIVD(a, b) wasm_f64x2_div(a, b)
+#define CONEMAP__SQRTD(a) wasm_f64x2_sqrt(a)
+#define CONEMAP__MIND(a, b) wasm_f64x2_pmin(b, a)
+#define CONEMAP__MAXD(a, b) wasm_f64x2_pmax(b, a)
+#define CONEMAP__WHOLE(a) wasm_f64x2_trunc(a)
+#define CONEMAP__LTD(a, b) wasm_f64x2_lt(a, b)
+#define CONEMAP__LED(a, b) wasm_f64x2_le(a, b)
+#define CONEMAP__ANDW(a, b) wasm_v128_and(a, b)
+#define CONEMAP__ORW(a, b) wasm_v128_or(a, b)
+#define CONEMAP__ANDNOTW(a, b) wasm_v128_andnot(a, b)
+#define CONEMAP__PICKD(m, a, b) wasm_v128_bitselect(a, b, m)
+#define CONEMAP__BITSW(m) ((int)wasm_i64x2_bitmask(m))
+#define CONEMAP__LADD(a, b) wasm_i64x2_add(a, b)
+#define CONEMAP__LAND(a, b) wasm_v128_and(a, b)
+#define CONEMAP__LSHL(a, n) wasm_i64x2_shl(a, n)
+#define CONEMAP__LSHRL(a, n)                                                                               \
+    wasm_i64x2_make((int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 0) >> wasm_i64x2_extract_lane(n, 0)),   \
+                    (int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 1) >> wasm_i64x2_extract_lane(n, 1)))
+#define CONEMAP__BITSD(a) (a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_wasm = CONEMAP__KERNEL_LIST(wasm);
 #endif
@@ -4527,6 +4865,423 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
     return result;
 }
 
+/* ======================================================================================================
+   P R E P A R A T I O N
+
+   PROOF
+   ====================================================================================================== */
+
+/* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
+static int conemap__reach(int code) {
+    return ((4 + (code & 3)) << (code >> 2)) / 4;
+}
+
+static int conemap__next_reach(int code) {
+    do ++code;
+    while (code < 8 && ((4 + (code & 3)) << (code >> 2)) % 4 != 0);
+    return code;
+}
+
+/* The table's cells along an axis. */
+static int conemap__table_size(int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? size : conemap__maxi(size - 1, 1);
+}
+
+/* The work of a preparation: planes of the table's size, mirrored into the quadrant in question. */
+typedef struct conemap__look {
+    const conemap_map *map;
+    const conemap__kernels *kernels;
+    uint64_t *table;
+    int w, h, flip_u, flip_v;
+    float *tops;           /* of the cells, as the record will hold them */
+    float *squares, *next; /* maxima over squares of cells from each cell on */
+    int side;              /* of the squares */
+    float *slopes;         /* the steepest seen so far */
+    int32_t *clear;        /* the code of the widest clear way found */
+    float *row;            /* 2 w */
+} conemap__look;
+
+/* The row `to`, beyond the table the last one or around it. */
+CONEMAP__INLINE int conemap__look_index(int to, int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? to % size : conemap__mini(to, size - 1);
+}
+
+/* look->row[x] and look->row[x + d] become the maxima over rows y and y + d of what squares has; returns d along u. */
+static int conemap__look_rows(const conemap__look *look, int y, int d) {
+    const conemap_info *info = &look->map->info;
+    size_t w = (size_t)look->w;
+    int du = info->wrap_u == CONEMAP_WRAP ? d % look->w : conemap__mini(d, look->w), x;
+    look->kernels->larger_row(look->squares + (size_t)y * w,
+                              look->squares + (size_t)conemap__look_index(y + d, look->h, info->wrap_v) * w, look->w,
+                              look->row);
+    for (x = 0; x < du; ++x)
+        look->row[look->w + x] = look->row[info->wrap_u == CONEMAP_WRAP ? x : look->w - 1];
+    return du;
+}
+
+/* Squares twice as wide. */
+static void conemap__look_double(conemap__look *look) {
+    float *swap = look->next;
+    int y;
+    for (y = 0; y < look->h; ++y) {
+        int du = conemap__look_rows(look, y, look->side);
+        look->kernels->larger_row(look->row, look->row + du, look->w, look->next + (size_t)y * (size_t)look->w);
+    }
+    look->next = look->squares;
+    look->squares = swap;
+    look->side *= 2;
+}
+
+static void conemap__look_quadrant(conemap__look *look, int quadrant) {
+    const conemap_map *map = look->map;
+    int w = look->w, h = look->h, x, y, code, next;
+    look->flip_u = quadrant & 1;
+    look->flip_v = quadrant >> 1;
+    look->side = 1;
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            float top = conemap__highest(conemap__gather(
+                map->heights, conemap__cell_quad(map, look->flip_u ? w - 1 - x : x, look->flip_v ? h - 1 - y : y)));
+            int level = (int)(top * 65536.0f);
+            look->squares[at] = top;
+            look->tops[at] = (float)(conemap__mini(level, 65535) + 1) / 65536.0f;
+            look->slopes[at] = 0.0f;
+            look->clear[at] = 0;
+        }
+    for (code = 0; conemap__reach(code) < conemap__maxi(w, h) && code < 63; code = next) {
+        int side;
+        next = conemap__next_reach(code);
+        side = conemap__reach(next);
+        while (2 * look->side < side) conemap__look_double(look);
+        for (y = 0; y < h; ++y) {
+            size_t at = (size_t)y * (size_t)w;
+            int du = conemap__look_rows(look, y, side - look->side);
+            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code), next, w,
+                                    look->slopes + at, look->clear + at);
+        }
+    }
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            uint64_t *record = &look->table[(size_t)(look->flip_v ? h - 1 - y : y) * (size_t)w +
+                                            (size_t)(look->flip_u ? w - 1 - x : x)];
+            /* rounded up: what it stands for is no less, by 2^-20 at least */
+            uint32_t bits = conemap__bits(look->slopes[at] * (1.0f + 1.0f / 524288.0f));
+            int slope = (int)((bits + 0x1fffffu) >> 21) - 4 * (127 - 15);
+            slope = conemap__maxi(0, conemap__mini(slope, 63));
+            if (quadrant == 0) *record = (uint64_t)(look->tops[at] * 65536.0f) - 1u;
+            *record |= (uint64_t)(unsigned)(slope | look->clear[at] << 6) << (16 + 12 * quadrant);
+        }
+}
+
+CONEMAP__DEF size_t conemap_prepare_memory(const conemap_map *map) {
+    size_t bytes = 0;
+    if (!map || !map->heights ||
+        !conemap__add_size(&bytes, (size_t)conemap__table_size(map->info.width, map->info.wrap_u) *
+                                       (size_t)conemap__table_size(map->info.height, map->info.wrap_v),
+                           sizeof(uint64_t)))
+        return 0;
+    return bytes;
+}
+
+CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
+                                            conemap_prepared *prepared) {
+    conemap_prepare_desc settings;
+    conemap__look look;
+    conemap_result result;
+    void *work = NULL;
+    size_t cells, bytes = 0;
+    int quadrant, owns_work = 0;
+    if (!prepared) return CONEMAP_ERROR_NULL;
+    memset(prepared, 0, sizeof *prepared);
+    if (!map || !map->heights) return CONEMAP_ERROR_NULL;
+    memset(&settings, 0, sizeof settings);
+    if (desc) settings = *desc;
+    if ((settings.allocator.allocate == NULL) != (settings.allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (!CONEMAP__KNOWN(settings.isa, CONEMAP_ISA_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (!conemap__resolve_isa(&settings.isa)) return CONEMAP_ERROR_UNSUPPORTED;
+
+    memset(&look, 0, sizeof look);
+    look.map = map;
+    look.kernels = conemap__kernels_of(settings.isa);
+    look.w = conemap__table_size(map->info.width, map->info.wrap_u);
+    look.h = conemap__table_size(map->info.height, map->info.wrap_v);
+    cells = (size_t)look.w * (size_t)look.h;
+    prepared->memory_size = conemap_prepare_memory(map);
+    if (prepared->memory_size == 0 || !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
+        !conemap__add_size(&bytes, (size_t)look.w, 2 * sizeof(float))) {
+        memset(prepared, 0, sizeof *prepared);
+        return CONEMAP_ERROR_OVERFLOW;
+    }
+    prepared->map = map;
+    prepared->width = look.w;
+    prepared->height = look.h;
+    prepared->bytes_per_texel = (double)prepared->memory_size / (double)conemap__texels(map);
+    prepared->isa = settings.isa;
+    prepared->own.allocator = settings.allocator;
+    result = conemap__take(&settings.allocator, settings.memory, settings.memory_size, prepared->memory_size,
+                           &prepared->own.memory, &prepared->own.owns_memory);
+    if (result == CONEMAP_OK) result = conemap__take(&settings.allocator, NULL, 0, bytes, &work, &owns_work);
+    if (result == CONEMAP_OK) {
+        prepared->table = look.table = (uint64_t *)prepared->own.memory;
+        look.tops = (float *)work;
+        look.squares = look.tops + cells;
+        look.next = look.squares + cells;
+        look.slopes = look.next + cells;
+        look.clear = (int32_t *)(void *)(look.slopes + cells);
+        look.row = look.slopes + 2 * cells;
+        for (quadrant = 0; quadrant < 4; ++quadrant) conemap__look_quadrant(&look, quadrant);
+    }
+    conemap__release(&settings.allocator, work, owns_work);
+    if (result != CONEMAP_OK) conemap_free_prepared(prepared);
+    return result;
+}
+
+CONEMAP__DEF void conemap_free_prepared(conemap_prepared *prepared) {
+    if (!prepared) return;
+    conemap__release(&prepared->own.allocator, prepared->own.memory, prepared->own.owns_memory);
+    memset(prepared, 0, sizeof *prepared);
+}
+
+/* ---- the way in and out ---------------------------------------------------------------------------------------- */
+
+/* Rays and hits as they come: as structs, or else as arrays. */
+typedef struct conemap__stream {
+    const conemap_ray *rays;
+    conemap_hit *hits;
+    const conemap_ray_arrays *ray_arrays;
+    const conemap_hit_arrays *hit_arrays;
+    int count, next;        /* the next ray to board */
+    conemap_result result;
+} conemap__stream;
+
+static void conemap__stream_ray(const conemap__stream *stream, int k, conemap_ray *ray) {
+    const conemap_ray_arrays *arrays = stream->ray_arrays;
+    int c;
+    if (stream->rays) {
+        *ray = stream->rays[k];
+        return;
+    }
+    for (c = 0; c < 3; ++c) {
+        ray->origin[c] = arrays->origin[c][k];
+        ray->direction[c] = arrays->direction[c][k];
+    }
+    ray->t_min = arrays->t_min ? arrays->t_min[k] : 0.0f;
+    ray->t_max = arrays->t_max ? arrays->t_max[k] : 0.0f;
+}
+
+static void conemap__stream_hit(const conemap__stream *stream, int k, const conemap_hit *hit) {
+    const conemap_hit_arrays *arrays = stream->hit_arrays;
+    if (stream->hits) {
+        stream->hits[k] = *hit;
+        return;
+    }
+    if (arrays->status) arrays->status[k] = (unsigned char)hit->status;
+    if (arrays->inside) arrays->inside[k] = (unsigned char)hit->inside;
+    if (arrays->t) arrays->t[k] = hit->t;
+    if (arrays->u) arrays->u[k] = hit->u;
+    if (arrays->v) arrays->v[k] = hit->v;
+    if (arrays->z) arrays->z[k] = hit->z;
+}
+
+/* Who sits in which slot. */
+typedef struct conemap__passenger {
+    conemap__walk walk;
+    conemap_ray ray;
+    int number;
+} conemap__passenger;
+
+static void conemap__board_axis(conemap__way *way, int slot, int size, conemap_wrap wrap, int base,
+                                double place, double v) {
+    int first = conemap__first_cell(wrap), cells = conemap__cell_count(size, wrap), cell = base + first, flip = v < 0.0;
+    double p;
+    if (cell < 0) cell += cells; /* WRAP's cell across the seam */
+    p = (double)cell + place;
+    if (flip) {
+        v = -v;
+        p = (double)cells - p;
+        cell = cells - 1 - cell;
+    }
+    way->cell[slot] = (double)cell;
+    way->p[slot] = p;
+    way->v[slot] = v;
+    way->per_v[slot] = v > 0.0 ? 1.0 / v : 0.0;
+    way->border[slot] = v > 0.0 ? -p * way->per_v[slot] : CONEMAP__NEVER;
+    way->sign[slot] = flip ? -1.0 : 1.0;
+    way->lower[slot] = (double)(wrap == CONEMAP_WRAP ? flip : first);
+}
+
+/* Puts a walk into a slot. */
+static void conemap__board(conemap__block_of_rays *rays, int slot, const conemap_prepared *prepared,
+                           const conemap__walk *walk) {
+    const conemap_info *info = &prepared->map->info;
+    int flip_u = walk->vx < 0.0, flip_v = walk->vy < 0.0;
+    double major;
+    conemap__board_axis(&rays->way[0], slot, info->width, info->wrap_u, walk->base_i, walk->px, walk->vx);
+    conemap__board_axis(&rays->way[1], slot, info->height, info->wrap_v, walk->base_j, walk->py, walk->vy);
+    major = rays->way[0].v[slot] > rays->way[1].v[slot] ? rays->way[0].v[slot] : rays->way[1].v[slot];
+    rays->major[slot] = major;
+    rays->per_major[slot] = major > 0.0 ? 1.0 / major : 1e290;
+    rays->z[slot] = walk->pz;
+    rays->vz[slot] = walk->vz;
+    rays->z_end[slot] = walk->z_end;
+    rays->sink[slot] = walk->vz < 0.0 ? -1.0 / walk->vz : 1e290;
+    rays->t[slot] = 0.0;
+    rays->t_end[slot] = walk->t_end;
+    rays->steps[slot] = 0.0;
+    rays->state[slot] = CONEMAP__FLYING;
+    rays->shift[slot] = 16u + 12u * (unsigned)(flip_u + 2 * flip_v);
+    rays->table_start[slot] = (double)(flip_u ? prepared->width - 1 : 0) +
+                           (double)(flip_v ? prepared->height - 1 : 0) * (double)prepared->width;
+    rays->texel_start[slot] = (double)(flip_u ? info->width - 1 : 0) +
+                           (double)(flip_v ? info->height - 1 : 0) * (double)info->width;
+}
+
+/* An empty slot flies along with another one's numbers. */
+static void conemap__leave_empty(conemap__block_of_rays *rays, int slot, int like) {
+    int k;
+    for (k = 0; k < 2; ++k) {
+        conemap__way *way = &rays->way[k];
+        way->cell[slot] = way->cell[like];
+        way->p[slot] = way->p[like];
+        way->v[slot] = way->v[like];
+        way->per_v[slot] = way->per_v[like];
+        way->border[slot] = way->border[like];
+        way->sign[slot] = way->sign[like];
+        way->lower[slot] = way->lower[like];
+    }
+    rays->major[slot] = rays->major[like];
+    rays->per_major[slot] = rays->per_major[like];
+    rays->z[slot] = rays->z[like];
+    rays->vz[slot] = rays->vz[like];
+    rays->z_end[slot] = rays->z_end[like];
+    rays->sink[slot] = rays->sink[like];
+    rays->t[slot] = rays->t[like];
+    rays->t_end[slot] = rays->t_end[like];
+    rays->steps[slot] = 0.0;
+    rays->state[slot] = CONEMAP__GONE;
+    rays->shift[slot] = rays->shift[like];
+    rays->table_start[slot] = rays->table_start[like];
+    rays->texel_start[slot] = rays->texel_start[like];
+}
+
+/* Fills a group's slots from the stream; rays that never meet the map are answered at once. */
+static void conemap__board_group(conemap__flight *f, int group, int lanes, const conemap_prepared *prepared,
+                                 conemap__stream *stream, conemap__passenger *passengers) {
+    conemap__block_of_rays *rays = &f->blocks[group * lanes / CONEMAP__BLOCK];
+    int first = group * lanes, at = first % CONEMAP__BLOCK, lane = 0, k;
+    while (lane < lanes && stream->next < stream->count) {
+        conemap__passenger *who = &passengers[first + lane];
+        conemap_result result;
+        conemap_hit hit;
+        who->number = stream->next++;
+        conemap__stream_ray(stream, who->number, &who->ray);
+        result = conemap__check_ray(&who->ray);
+        if (result == CONEMAP_OK && conemap__enter(prepared->map, &who->ray, &who->walk)) {
+            conemap__board(rays, at + lane, prepared, &who->walk);
+            ++lane;
+            continue;
+        }
+        memset(&hit, 0, sizeof hit);
+        if (result == CONEMAP_OK) {
+            conemap__miss(&who->walk, 0, &hit);
+        } else {
+            hit.status = CONEMAP_INVALID;
+            if (stream->result == CONEMAP_OK) stream->result = result;
+        }
+        conemap__stream_hit(stream, who->number, &hit);
+    }
+    f->aboard[group] = lane;
+    f->flying[group] = (1 << lane) - 1;
+    for (k = lane; lane > 0 && k < lanes; ++k) conemap__leave_empty(rays, at + k, at);
+}
+
+static void conemap__land_group(const conemap__flight *f, int group, int lanes, const conemap__stream *stream,
+                                const conemap__passenger *passengers) {
+    const conemap__block_of_rays *rays = &f->blocks[group * lanes / CONEMAP__BLOCK];
+    int first = group * lanes, at = first % CONEMAP__BLOCK, k;
+    for (k = 0; k < f->aboard[group]; ++k) {
+        const conemap__passenger *who = &passengers[first + k];
+        double t = rays->t[at + k];
+        conemap_hit hit;
+        hit.fallback = 0;
+        if (rays->state[at + k] == CONEMAP__MET)
+            conemap__finish(&who->walk, CONEMAP_HIT, t, t, t, (int)rays->steps[at + k], &hit);
+        else
+            conemap__miss(&who->walk, (int)rays->steps[at + k], &hit);
+        conemap__stream_hit(stream, who->number, &hit);
+    }
+}
+
+static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conemap_wrap wrap, int table_size) {
+    axis->period = wrap == CONEMAP_WRAP ? (double)size : 0.0;
+    axis->per_period = wrap == CONEMAP_WRAP ? 1.0 / (double)size : 0.0;
+    axis->outer = (double)conemap__first_cell(wrap);
+    axis->last = (double)(table_size - 1);
+    axis->last_texel = (double)(size - 1);
+    axis->before = wrap == CONEMAP_WRAP ? (double)(size - 1) : 0.0;
+    axis->after = wrap == CONEMAP_WRAP ? 0.0 : (double)(size - 1);
+}
+
+static conemap_result conemap__fly_stream(const conemap_prepared *prepared, conemap__stream *stream) {
+    const conemap_info *info = &prepared->map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(prepared->isa);
+    conemap__passenger passengers[CONEMAP__SLOTS];
+    conemap__flight f;
+    unsigned char room[(CONEMAP__SLOTS / CONEMAP__BLOCK) * sizeof(conemap__block_of_rays) + 63];
+    int lanes, group, busy = 0;
+    lanes = kernels->double_lanes;
+    f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
+    f.table = prepared->table;
+    f.heights = prepared->map->heights;
+    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width);
+    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height);
+    f.axis[0].pitch = f.axis[0].texel_pitch = 1.0;
+    f.axis[1].pitch = (double)prepared->width;
+    f.axis[1].texel_pitch = (double)info->width;
+    f.next = 0;
+    f.groups = conemap__mini(CONEMAP__SLOTS / lanes, stream->count / lanes + 1);
+    for (group = 0; group < f.groups; ++group) {
+        conemap__board_group(&f, group, lanes, prepared, stream, passengers);
+        busy += f.aboard[group] > 0;
+    }
+    while (busy > 0) {
+        group = kernels->fly(&f);
+        conemap__land_group(&f, group, lanes, stream, passengers);
+        conemap__board_group(&f, group, lanes, prepared, stream, passengers);
+        busy -= f.aboard[group] == 0;
+    }
+    return stream->result;
+}
+
+CONEMAP__DEF conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
+                                                   conemap_hit *hits, int count) {
+    conemap__stream stream;
+    if (!prepared || !prepared->table || ((!rays || !hits) && count != 0)) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&stream, 0, sizeof stream);
+    stream.rays = rays;
+    stream.hits = hits;
+    stream.count = count;
+    return conemap__fly_stream(prepared, &stream);
+}
+
+CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepared, const conemap_ray_arrays *rays,
+                                                 const conemap_hit_arrays *hits, int count) {
+    conemap__stream stream;
+    int k;
+    if (!prepared || !prepared->table || !rays || !hits) return CONEMAP_ERROR_NULL;
+    for (k = 0; k < 3; ++k)
+        if ((!rays->origin[k] || !rays->direction[k]) && count != 0) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&stream, 0, sizeof stream);
+    stream.ray_arrays = rays;
+    stream.hit_arrays = hits;
+    stream.count = count;
+    return conemap__fly_stream(prepared, &stream);
+}
+
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT DEFAULT
 #elif defined(__GNUC__)
@@ -4558,6 +5313,12 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 #undef CONEMAP__NEVER
 #undef CONEMAP__APEX_SLACK
 #undef CONEMAP__KERNEL_LIST
+#undef CONEMAP__MET
+#undef CONEMAP__GONE
+#undef CONEMAP__CLOSE
+#undef CONEMAP__FLYING
+#undef CONEMAP__SLOTS
+#undef CONEMAP__BLOCK
 #undef CONEMAP__ATTRIBUTE
 #undef CONEMAP__X86
 #undef CONEMAP__ARM
@@ -4774,6 +5535,237 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, cons
     }
 }
 
+/* ---- the prepared tracer: see P R E P A R A T I O N ---------------------------------------------------------- */
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(larger_row)(const float *a, const float *b, int count, float *out) {
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES)
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__MAX(CONEMAP__KERNEL(load)(a + x, count - x),
+                                                     CONEMAP__KERNEL(load)(b + x, count - x)), count - x);
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(rise_row)(const float *squares, int shift, const float *tops, float per_reach,
+                                                 int32_t code, int count, float *slopes, int32_t *clear) {
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(load)(squares + x, count - x),
+                                          CONEMAP__KERNEL(load)(squares + shift + x, count - x));
+        CONEMAP__F rise = CONEMAP__SUB(highest, CONEMAP__KERNEL(load)(tops + x, count - x));
+        CONEMAP__F slope = CONEMAP__MAX(CONEMAP__KERNEL(load)(slopes + x, count - x),
+                                        CONEMAP__MUL(rise, CONEMAP__F1(per_reach)));
+        CONEMAP__F known = CONEMAP__KERNEL(load)((const float *)(const void *)(clear + x), count - x);
+        CONEMAP__M is_clear = CONEMAP__LE(rise, CONEMAP__F1(0.0f));
+        CONEMAP__KERNEL(store)(slopes + x, slope, count - x);
+        known = CONEMAP__PICK(is_clear, CONEMAP__BITSF(CONEMAP__I1(code)), known);
+        CONEMAP__KERNEL(store)((float *)(void *)(clear + x), known, count - x);
+    }
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(clamp01)(CONEMAP__D x) {
+    return CONEMAP__MAXD(CONEMAP__MIND(x, CONEMAP__D1(1.0)), CONEMAP__D1(0.0));
+}
+
+/* A cell's number within the map's period. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(repeated)(const conemap__flight_axis *axis, CONEMAP__D cell) {
+    if (axis->period == 0.0) return cell;
+    return CONEMAP__SUBD(cell, CONEMAP__MULD(CONEMAP__D1(axis->period),
+                                             CONEMAP__WHOLE(CONEMAP__MULD(CONEMAP__ADDD(cell, CONEMAP__D1(0.5)),
+                                                                          CONEMAP__D1(axis->per_period)))));
+}
+
+/* What is added to the table's first index for a cell along an axis. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(table_step)(const conemap__flight_axis *axis,
+                                                       const conemap__way *way, int at,
+                                                       CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__D1(axis->outer));
+    number = CONEMAP__MIND(CONEMAP__MAXD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->last));
+    return CONEMAP__MULD(number, CONEMAP__MULD(CONEMAP__LOADD(way->sign + at), CONEMAP__D1(axis->pitch)));
+}
+
+/* When the ray comes to the far border of its cell. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(leave)(const conemap__way *way, int at, CONEMAP__D cell) {
+    return CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), CONEMAP__LOADD(way->per_v + at)),
+                         CONEMAP__LOADD(way->border + at));
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(position)(const conemap__way *way, int at, CONEMAP__D t) {
+    return CONEMAP__ADDD(CONEMAP__LOADD(way->p + at), CONEMAP__MULD(CONEMAP__LOADD(way->v + at), t));
+}
+
+/* The cell at time t, not before the border at `leave`: one farther at least where that was reached. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(advance)(const conemap__way *way, int at, CONEMAP__D cell,
+                                                    CONEMAP__D leave, CONEMAP__D t) {
+    CONEMAP__D next = CONEMAP__PICKD(CONEMAP__LED(leave, t), CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), cell);
+    return CONEMAP__MAXD(CONEMAP__WHOLE(CONEMAP__KERNEL(position)(way, at, t)), next);
+}
+
+/* One step by the table for every flying lane of the group at slot `at`; returns the lanes that fly on. */
+CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
+    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D vz = CONEMAP__LOADD(rays->vz + at), state = CONEMAP__LOADD(rays->state + at);
+    CONEMAP__D major = CONEMAP__LOADD(rays->major + at);
+    CONEMAP__D index = CONEMAP__ADDD(CONEMAP__LOADD(rays->table_start + at),
+                                     CONEMAP__ADDD(CONEMAP__KERNEL(table_step)(&f->axis[0], u, at, i),
+                                                   CONEMAP__KERNEL(table_step)(&f->axis[1], v, at, j)));
+    CONEMAP__L record = CONEMAP__GATHERL(f->table, index);
+    CONEMAP__L quadrant = CONEMAP__LSHRL(record, CONEMAP__LOADL(rays->shift + at));
+    /* top + 2^52 as a double's bits; slope and clear way have a double's exponent and two bits of its fraction */
+    CONEMAP__D top = CONEMAP__MULD(
+        CONEMAP__SUBD(CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(record, CONEMAP__L1(65535u)),
+                                                   CONEMAP__L1(UINT64_C(0x4330000000000000)))),
+                      CONEMAP__D1(4503599627370495.0)),
+        CONEMAP__D1(1.0 / 65536.0));
+    CONEMAP__D slope = CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LSHL(CONEMAP__LAND(quadrant, CONEMAP__L1(63u)), 50),
+                                                    CONEMAP__L1(UINT64_C(1008) << 52)));
+    CONEMAP__D clear = CONEMAP__SUBD(
+        CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(CONEMAP__LSHL(quadrant, 44), CONEMAP__L1(UINT64_C(63) << 50)),
+                                     CONEMAP__L1(UINT64_C(1023) << 52))),
+        CONEMAP__D1(1.0));
+    CONEMAP__D gap = CONEMAP__SUBD(CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)), top);
+    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
+    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t);
+    CONEMAP__D sink = CONEMAP__ADDD(t, CONEMAP__MULD(gap, CONEMAP__LOADD(rays->sink + at)));
+    CONEMAP__D cone = CONEMAP__ADDD(
+        t, CONEMAP__DIVD(CONEMAP__MAXD(CONEMAP__SUBD(gap, slope), CONEMAP__D1(0.0)),
+                         CONEMAP__MAXD(CONEMAP__SUBD(CONEMAP__MULD(major, slope), vz), CONEMAP__D1(1e-290))));
+    CONEMAP__D level = CONEMAP__ADDD(t, CONEMAP__MULD(clear, CONEMAP__LOADD(rays->per_major + at)));
+    CONEMAP__D stop = CONEMAP__MAXD(cone, CONEMAP__MIND(CONEMAP__MAXD(level, leave), sink));
+    CONEMAP__W flies = CONEMAP__LTD(state, CONEMAP__D1(0.5));
+    CONEMAP__W passes = CONEMAP__ANDW(flies, CONEMAP__ANDW(CONEMAP__LED(leave, stop),
+                                                           CONEMAP__LTD(CONEMAP__D1(0.0), gap)));
+    CONEMAP__W goes = CONEMAP__ANDW(passes, CONEMAP__LED(t_end, stop));
+    stop = CONEMAP__MIND(stop, t_end);
+    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
+                                                 CONEMAP__PICKD(flies, CONEMAP__D1(1.0), CONEMAP__D1(0.0))));
+    CONEMAP__STORED(u->cell + at, CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i));
+    CONEMAP__STORED(v->cell + at, CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j));
+    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(passes, stop, t));
+    state = CONEMAP__PICKD(CONEMAP__ANDNOTW(flies, passes), CONEMAP__D1(CONEMAP__CLOSE), state);
+    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(goes, CONEMAP__D1(CONEMAP__GONE), state));
+    return CONEMAP__BITSW(CONEMAP__ANDNOTW(passes, goes));
+}
+
+/* The two texels of a cell along an axis, as numbers. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
+                                                       const conemap__way *way, int at,
+                                                       CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at));
+    number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
+    return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
+                                                      const conemap__way *way, int at,
+                                                      CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__ADDD(
+        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at)), CONEMAP__D1(1.0));
+    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
+}
+
+/* Meets every close lane with the patch of its cell, as conemap__walk_hit does; lanes that do not hit fly on, and are
+   returned. */
+CONEMAP__HELPER int CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(1e300);
+    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
+    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz + at);
+    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+    CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
+    CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
+    CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
+    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], u, at, i), pitch_u);
+    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], u, at, i), pitch_u);
+    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], v, at, j), pitch_v), start);
+    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], v, at, j), pitch_v), start);
+    CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j0, i0));
+    CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j0, i1));
+    CONEMAP__D h01 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j1, i0));
+    CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j1, i1));
+    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
+    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t), end = CONEMAP__MIND(leave, t_end);
+    CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
+    CONEMAP__D y = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, t), j));
+    CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
+    CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
+    CONEMAP__D hx = CONEMAP__SUBD(h10, h00), hy = CONEMAP__SUBD(h01, h00);
+    CONEMAP__D hxy = CONEMAP__SUBD(CONEMAP__SUBD(h11, h01), hx);
+    CONEMAP__D z = CONEMAP__PICKD(CONEMAP__LED(t_end, t), CONEMAP__LOADD(rays->z_end + at),
+                                  CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)));
+    CONEMAP__D c = CONEMAP__SUBD(
+        z, CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x)), CONEMAP__MULD(hy, y)),
+                         CONEMAP__MULD(hxy, CONEMAP__MULD(x, y))));
+    CONEMAP__D b = CONEMAP__SUBD(
+        vz, CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(hx, vx), CONEMAP__MULD(hy, vy)),
+                          CONEMAP__MULD(hxy, CONEMAP__ADDD(CONEMAP__MULD(x, vy), CONEMAP__MULD(y, vx)))));
+    CONEMAP__D a = CONEMAP__SUBD(zero, CONEMAP__MULD(hxy, CONEMAP__MULD(vx, vy)));
+    CONEMAP__D discriminant = CONEMAP__SUBD(CONEMAP__MULD(b, b), CONEMAP__MULD(CONEMAP__MULD(CONEMAP__D1(4.0), a), c));
+    CONEMAP__D root = CONEMAP__SQRTD(CONEMAP__MAXD(discriminant, zero));
+    CONEMAP__D q = CONEMAP__MULD(CONEMAP__D1(-0.5),
+                                 CONEMAP__ADDD(b, CONEMAP__PICKD(CONEMAP__LTD(b, zero),
+                                                                 CONEMAP__SUBD(zero, root), root)));
+    CONEMAP__W no_q = CONEMAP__ANDW(CONEMAP__LED(q, zero), CONEMAP__LED(zero, q));
+    CONEMAP__W no_a = CONEMAP__ANDW(CONEMAP__LED(a, zero), CONEMAP__LED(zero, a));
+    CONEMAP__D first = CONEMAP__PICKD(no_q, never, CONEMAP__DIVD(c, CONEMAP__PICKD(no_q, never, q)));
+    CONEMAP__D second = CONEMAP__PICKD(no_a, never, CONEMAP__DIVD(q, CONEMAP__PICKD(no_a, never, a)));
+    CONEMAP__D way = CONEMAP__SUBD(end, t), low, high;
+    CONEMAP__W meets, inside, ends = CONEMAP__LED(t_end, leave), close;
+    first = CONEMAP__PICKD(CONEMAP__LTD(first, zero), never, first);
+    first = CONEMAP__PICKD(CONEMAP__LED(zero, second), CONEMAP__MIND(second, first), first);
+    meets = CONEMAP__ANDW(CONEMAP__LED(zero, discriminant), CONEMAP__LED(first, way));
+    /* On the ray's end the height is exact, which the quadratic's is not. */
+    low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
+    high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
+    low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
+    first = CONEMAP__PICKD(meets, first, way);
+    meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    inside = CONEMAP__LED(c, zero);
+    first = CONEMAP__PICKD(inside, zero, first);
+    meets = CONEMAP__ORW(meets, inside);
+    close = CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state), CONEMAP__LTD(CONEMAP__D1(1.5), state));
+    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
+                                                 CONEMAP__PICKD(close, CONEMAP__D1(1.0), zero)));
+    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__PICKD(meets, CONEMAP__ADDD(t, first), end), t));
+    meets = CONEMAP__ANDW(close, meets);
+    close = CONEMAP__ANDNOTW(close, meets);
+    CONEMAP__STORED(u->cell + at, CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)),
+                                                 CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i));
+    CONEMAP__STORED(v->cell + at, CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)),
+                                                 CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j));
+    state = CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__MET), state);
+    ends = CONEMAP__ANDW(close, ends);
+    close = CONEMAP__ANDNOTW(close, ends);
+    state = CONEMAP__PICKD(ends, CONEMAP__D1(CONEMAP__GONE), state);
+    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(close, CONEMAP__D1(CONEMAP__FLYING), state));
+    return CONEMAP__BITSW(close);
+}
+
+enum { CONEMAP__KERNEL(double_lanes) = CONEMAP__DLANES };
+
+/* Groups take turns, so that one group's memory accesses and divisions overlap with another's arithmetic. */
+CONEMAP__FUNCTION int CONEMAP__KERNEL(fly)(conemap__flight *f) {
+    conemap__block_of_rays *rays;
+    int group = f->next, at;
+    for (;; ++group) {
+        if (group >= f->groups) group = 0;
+        rays = &f->blocks[group * CONEMAP__DLANES / CONEMAP__BLOCK];
+        at = group * CONEMAP__DLANES % CONEMAP__BLOCK;
+        if (f->flying[group]) {
+            f->flying[group] = CONEMAP__KERNEL(fly_on)(f, rays, at);
+        } else if (f->aboard[group]) {
+            CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+            if (!CONEMAP__BITSW(CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state),
+                                                 CONEMAP__LTD(CONEMAP__D1(1.5), state)))) {
+                f->next = group;
+                return group;
+            }
+            f->flying[group] = CONEMAP__KERNEL(meet)(f, rays, at);
+        }
+    }
+}
+
 /* For the next instruction set. */
 #undef CONEMAP__FUNCTION
 #undef CONEMAP__HELPER
@@ -4822,6 +5814,37 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, cons
 #undef CONEMAP__TARGET
 #undef CONEMAP__TOF
 #undef CONEMAP__TOI
+#undef CONEMAP__ADDD
+#undef CONEMAP__ANDNOTW
+#undef CONEMAP__ANDW
+#undef CONEMAP__BITSD
+#undef CONEMAP__BITSW
+#undef CONEMAP__D
+#undef CONEMAP__D1
+#undef CONEMAP__DIVD
+#undef CONEMAP__DLANES
+#undef CONEMAP__GATHERFD
+#undef CONEMAP__GATHERL
+#undef CONEMAP__L
+#undef CONEMAP__L1
+#undef CONEMAP__LADD
+#undef CONEMAP__LAND
+#undef CONEMAP__LED
+#undef CONEMAP__LOADD
+#undef CONEMAP__LOADL
+#undef CONEMAP__LSHL
+#undef CONEMAP__LSHRL
+#undef CONEMAP__LTD
+#undef CONEMAP__MAXD
+#undef CONEMAP__MIND
+#undef CONEMAP__MULD
+#undef CONEMAP__ORW
+#undef CONEMAP__PICKD
+#undef CONEMAP__SQRTD
+#undef CONEMAP__STORED
+#undef CONEMAP__SUBD
+#undef CONEMAP__W
+#undef CONEMAP__WHOLE
 #endif /* CONEMAP__LANES */
 
 /* ======================================================================================================
