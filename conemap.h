@@ -693,6 +693,12 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
 #define CONEMAP__UNUSED
 #endif
 
+#if defined(__GNUC__) || defined(__clang__)
+#define CONEMAP__PREFETCH(address) __builtin_prefetch(address)
+#else
+#define CONEMAP__PREFETCH(address) ((void)(address))
+#endif
+
 #ifdef CONEMAP_STATIC
 #define CONEMAP__DEF CONEMAP__UNUSED static
 #elif defined(__cplusplus)
@@ -760,6 +766,18 @@ CONEMAP__INLINE int conemap__floord(double x) {
 }
 
 CONEMAP__INLINE double conemap__clamp01(double x) { return x < 0.0 ? 0.0 : x > 1.0 ? 1.0 : x; }
+
+CONEMAP__INLINE uint64_t conemap__bits_of(double x) {
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+/* For |x| below 2^52. */
+CONEMAP__INLINE double conemap__floor_wide(double x) {
+    double whole = (double)(int64_t)x;
+    return whole > x ? whole - 1.0 : whole;
+}
 
 /* x - floor(x) for any finite x; numbers of 2^52 and more are whole. */
 static double conemap__fraction(double x) {
@@ -847,6 +865,13 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     case CONEMAP_UNORM8: return bytes[0];
     default: memcpy(&half, bytes, 2); return half;
     }
+}
+
+/* Of the lowest 8. */
+CONEMAP__INLINE int conemap__count_bits(int bits) {
+    bits -= bits >> 1 & 0x55;
+    bits = (bits & 0x33) + (bits >> 2 & 0x33);
+    return (bits + (bits >> 4)) & 15;
 }
 
 /* Any alignment. */
@@ -1068,9 +1093,12 @@ static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyrami
        EVEN ODD           every second lane of two vectors in a row
    Types CONEMAP__D, CONEMAP__L, CONEMAP__W hold CONEMAP__DLANES doubles, uint64s and truth values of doubles:
        D1 L1 LOADD STORED LOADL ADDD SUBD MULD DIVD SQRTD MIND MAXD LTD LED ANDW ORW ANDNOTW PICKD BITSW   as above
-       GATHERL GATHERFD   (base, i) uint64s or floats, these as doubles, at whole numbers i in 0..2^31 - 1
+       STOREN             doubles 0..2^31 - 1 as int32s
+       GATHERL GATHERFD   (base, p) uint64s or floats, these as doubles, at the int32s behind p
        WHOLE              towards zero, for 0..2^31 - 1
-       LADD LAND LSHL     uint64s; LSHRL shifts each lane by its own count; BITSD the same bits as doubles
+       LOADFD             DLANES floats as doubles
+       FLOORD             for anything below 2^52
+       LADD LSUB LAND LSHL    uint64s; LSHRL shifts each lane by its own count; BITSD BITSL the same bits as another type
    To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
    kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
    cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
@@ -1117,30 +1145,164 @@ typedef struct conemap__block_of_rays {
     double major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
     double table_start[CONEMAP__BLOCK], texel_start[CONEMAP__BLOCK]; /* index of cell 0 and texel 0, mirrored */
     uint64_t shift[CONEMAP__BLOCK]; /* to its quadrant's part of a record */
+    /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
+    double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
+    double number[CONEMAP__BLOCK];
     conemap__way way[2];
+    int32_t corner[4][CONEMAP__BLOCK];  /* indices of its cell's texels, once it is close */
+    int32_t record[CONEMAP__BLOCK];     /* and of its cell in the table */
+    int32_t fill[CONEMAP__BLOCK];       /* to whole cache lines */
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
+    double size, cells, first;      /* in texels and in cells; as conemap__first_cell */
+    double low;                     /* where the surface begins, in uv; it ends at 1 - low */
+    int wraps;
     double period, per_period;      /* cells until it repeats, 0: never; 1 / period */
-    double outer, last, pitch;      /* the table's: cells before its first, its last one, steps between two */
+    double last, pitch;             /* the table's: its last cell, records from one to the next */
     double last_texel, texel_pitch; /* the same of the heights */
     double before, after;           /* the texels that stand beyond the first and the last */
 } conemap__flight_axis;
+
+/* Rays and hits as they come: as structs, or else as arrays. */
+typedef struct conemap__stream {
+    const conemap_ray *rays;
+    conemap_hit *hits;
+    const conemap_ray_arrays *ray_arrays;
+    const conemap_hit_arrays *hit_arrays;
+    int count, next;        /* the next ray to board */
+    conemap_result result;
+} conemap__stream;
 
 typedef struct conemap__flight {
     const uint64_t *table;
     const float *heights;
     conemap__flight_axis axis[2];
-    int groups, next;               /* of DLANES slots each; the one to go on with */
-    int flying[CONEMAP__SLOTS];     /* for each group: its lanes that can go on by the table, as bits */
-    int aboard[CONEMAP__SLOTS];     /* for each group: how many rays */
-    conemap__block_of_rays *blocks;
+    conemap__stream stream;
+    conemap__block_of_rays *blocks; /* CONEMAP__SLOTS rays under way */
+    conemap__block_of_rays *waiting;
+    int waiting_next, waiting_count;
 } conemap__flight;
 
 #define CONEMAP__FLYING 0.0
 #define CONEMAP__CLOSE 1.0 /* the next cell is to be met with its patch */
 #define CONEMAP__GONE 2.0  /* t_end reached above the surface */
 #define CONEMAP__MET 3.0
+#define CONEMAP__EMPTY 4.0
+
+#define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
+#define CONEMAP__NEVER 1e300     /* a time that does not come */
+
+CONEMAP__INLINE conemap_result conemap__check_ray(const conemap_ray *ray) {
+    int k;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->origin[k])) return CONEMAP_ERROR_RAY_ORIGIN;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->direction[k])) return CONEMAP_ERROR_RAY_DIRECTION;
+    if (((conemap__bits(ray->direction[0]) | conemap__bits(ray->direction[1]) |
+          conemap__bits(ray->direction[2])) & 0x7fffffffu) == 0)
+        return CONEMAP_ERROR_RAY_DIRECTION;
+    /* t_max may be infinite, which is no end; every other odd value is an error. */
+    if (!conemap__finite(ray->t_min) || ray->t_min < 0.0f) return CONEMAP_ERROR_RAY_RANGE;
+    if ((conemap__bits(ray->t_max) & 0x7fffffffu) > 0x7f800000u) return CONEMAP_ERROR_RAY_RANGE;
+    if (ray->t_max != 0.0f && ray->t_max < ray->t_min) return CONEMAP_ERROR_RAY_RANGE;
+    return CONEMAP_OK;
+}
+
+CONEMAP__INLINE void conemap__stream_hit(const conemap__stream *stream, int k, const conemap_hit *hit) {
+    const conemap_hit_arrays *arrays = stream->hit_arrays;
+    if (stream->hits) {
+        stream->hits[k] = *hit;
+        return;
+    }
+    if (arrays->status) arrays->status[k] = (unsigned char)hit->status;
+    if (arrays->inside) arrays->inside[k] = (unsigned char)hit->inside;
+    if (arrays->t) arrays->t[k] = hit->t;
+    if (arrays->u) arrays->u[k] = hit->u;
+    if (arrays->v) arrays->v[k] = hit->v;
+    if (arrays->z) arrays->z[k] = hit->z;
+}
+
+/* The stream's next ray; an invalid one is answered. */
+CONEMAP__INLINE conemap_result conemap__stream_ray(conemap__stream *stream, conemap_ray *ray) {
+    const conemap_ray_arrays *arrays = stream->ray_arrays;
+    conemap_result result;
+    int c, k = stream->next++;
+    if (stream->rays) {
+        *ray = stream->rays[k];
+    } else {
+        for (c = 0; c < 3; ++c) {
+            ray->origin[c] = arrays->origin[c][k];
+            ray->direction[c] = arrays->direction[c][k];
+        }
+        ray->t_min = arrays->t_min ? arrays->t_min[k] : 0.0f;
+        ray->t_max = arrays->t_max ? arrays->t_max[k] : 0.0f;
+    }
+    result = conemap__check_ray(ray);
+    if (result != CONEMAP_OK) {
+        conemap_hit hit;
+        memset(&hit, 0, sizeof hit);
+        hit.status = CONEMAP_INVALID;
+        conemap__stream_hit(stream, k, &hit);
+        if (stream->result == CONEMAP_OK) stream->result = result;
+    }
+    return result;
+}
+
+/* Answers a ray that has met the surface or is gone, as conemap__finish and conemap__miss. */
+CONEMAP__INLINE void conemap__land(conemap__stream *stream, const conemap__block_of_rays *rays, int slot) {
+    int met = rays->state[slot] == CONEMAP__MET, number = (int)rays->number[slot], c;
+    double along = (met ? rays->t_start[slot] + rays->t[slot] : rays->t_gone[slot]) * rays->t_scale[slot], place[3];
+    conemap_hit hit;
+    for (c = 0; c < 3; ++c)
+        place[c] = stream->rays ? (double)stream->rays[number].origin[c] +
+                                      along * (double)stream->rays[number].direction[c]
+                                : (double)stream->ray_arrays->origin[c][number] +
+                                      along * (double)stream->ray_arrays->direction[c][number];
+    hit.status = met ? CONEMAP_HIT : (conemap_status)(int)rays->end_status[slot];
+    hit.inside = met && rays->t[slot] <= 0.0;
+    hit.t = hit.t_before = hit.t_after = (float)along;
+    hit.u = (float)place[0];
+    hit.v = (float)place[1];
+    hit.z = (float)place[2];
+    hit.steps = (int)rays->steps[slot];
+    hit.fallback = 0;
+    conemap__stream_hit(stream, number, &hit);
+}
+
+#define CONEMAP__MOVE(column) to->column[to_slot] = from->column[slot]
+CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot, conemap__block_of_rays *to, int to_slot) {
+    int k;
+    CONEMAP__MOVE(state);
+    CONEMAP__MOVE(t);
+    CONEMAP__MOVE(t_end);
+    CONEMAP__MOVE(steps);
+    CONEMAP__MOVE(z);
+    CONEMAP__MOVE(vz);
+    CONEMAP__MOVE(z_end);
+    CONEMAP__MOVE(sink);
+    CONEMAP__MOVE(major);
+    CONEMAP__MOVE(per_major);
+    CONEMAP__MOVE(table_start);
+    CONEMAP__MOVE(texel_start);
+    CONEMAP__MOVE(record);
+    CONEMAP__MOVE(shift);
+    CONEMAP__MOVE(t_start);
+    CONEMAP__MOVE(t_gone);
+    CONEMAP__MOVE(t_scale);
+    CONEMAP__MOVE(end_status);
+    CONEMAP__MOVE(number);
+    for (k = 0; k < 2; ++k) {
+        CONEMAP__MOVE(way[k].cell);
+        CONEMAP__MOVE(way[k].p);
+        CONEMAP__MOVE(way[k].v);
+        CONEMAP__MOVE(way[k].per_v);
+        CONEMAP__MOVE(way[k].border);
+        CONEMAP__MOVE(way[k].sign);
+        CONEMAP__MOVE(way[k].lower);
+    }
+}
+#undef CONEMAP__MOVE
 
 /* The kernels of one instruction set. `count` is always in texels. */
 typedef struct conemap__kernels {
@@ -1156,15 +1318,13 @@ typedef struct conemap__kernels {
     void (*larger_row)(const float *a, const float *b, int count, float *out);
     void (*rise_row)(const float *squares, int shift, const float *tops, float per_reach, int32_t code, int count,
                      float *slopes, int32_t *clear);
-    /* Goes on until all rays of a group have met the surface or are gone; returns the group. */
-    int (*fly)(conemap__flight *flight);
-    int double_lanes;
+    /* Traces the flight's stream. */
+    void (*fly)(conemap__flight *flight);
 } conemap__kernels;
 
 #define CONEMAP__KERNEL_LIST(isa)                                                                          \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
-      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa,               \
-      conemap__double_lanes_##isa }
+      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -1221,8 +1381,9 @@ typedef struct conemap__kernels {
 #define CONEMAP__LOADD(p) (*(p))
 #define CONEMAP__STORED(p, v) ((void)(*(p) = (v)))
 #define CONEMAP__LOADL(p) (*(p))
-#define CONEMAP__GATHERL(base, i) ((base)[(int32_t)(i)])
-#define CONEMAP__GATHERFD(base, i) ((double)(base)[(int32_t)(i)])
+#define CONEMAP__STOREN(p, a) ((void)(*(p) = (int32_t)(a)))
+#define CONEMAP__GATHERL(base, p) ((base)[*(p)])
+#define CONEMAP__GATHERFD(base, p) ((double)(base)[*(p)])
 #define CONEMAP__ADDD(a, b) ((a) + (b))
 #define CONEMAP__SUBD(a, b) ((a) - (b))
 #define CONEMAP__MULD(a, b) ((a) * (b))
@@ -1243,6 +1404,10 @@ typedef struct conemap__kernels {
 #define CONEMAP__LSHL(a, n) ((a) << (n))
 #define CONEMAP__LSHRL(a, n) ((a) >> (n))
 #define CONEMAP__BITSD(a) conemap__double_of(a)
+#define CONEMAP__LOADFD(p) ((double)*(p))
+#define CONEMAP__FLOORD(a) conemap__floor_wide(a)
+#define CONEMAP__LSUB(a, b) ((a) - (b))
+#define CONEMAP__BITSL(a) conemap__bits_of(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(scalar);
 
@@ -1314,10 +1479,9 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__LOADD(p) _mm_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm_storeu_pd(p, v)
 #define CONEMAP__LOADL(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
-#define CONEMAP__GATHERL(base, i)                                                                          \
-    _mm_set_epi64x((long long)(base)[_mm_cvttsd_si32(_mm_unpackhi_pd(i, i))], (long long)(base)[_mm_cvttsd_si32(i)])
-#define CONEMAP__GATHERFD(base, i)                                                                         \
-    _mm_set_pd((double)(base)[_mm_cvttsd_si32(_mm_unpackhi_pd(i, i))], (double)(base)[_mm_cvttsd_si32(i)])
+#define CONEMAP__STOREN(p, a) _mm_storel_epi64((__m128i *)(void *)(p), _mm_cvttpd_epi32(a))
+#define CONEMAP__GATHERL(base, p) _mm_set_epi64x((long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
+#define CONEMAP__GATHERFD(base, p) _mm_set_pd((double)(base)[(p)[1]], (double)(base)[(p)[0]])
 #define CONEMAP__ADDD(a, b) _mm_add_pd(a, b)
 #define CONEMAP__SUBD(a, b) _mm_sub_pd(a, b)
 #define CONEMAP__MULD(a, b) _mm_mul_pd(a, b)
@@ -1340,6 +1504,11 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
     _mm_castpd_si128(_mm_move_sd(_mm_castsi128_pd(_mm_srl_epi64(a, _mm_unpackhi_epi64(n, n))),             \
                                  _mm_castsi128_pd(_mm_srl_epi64(a, n))))
 #define CONEMAP__BITSD(a) _mm_castsi128_pd(a)
+#define CONEMAP__LOADFD(p) _mm_set_pd((double)(p)[1], (double)(p)[0])
+#define CONEMAP__FLOORD(a)                                                                                 \
+    _mm_set_pd(conemap__floor_wide(_mm_cvtsd_f64(_mm_unpackhi_pd(a, a))), conemap__floor_wide(_mm_cvtsd_f64(a)))
+#define CONEMAP__LSUB(a, b) _mm_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm_castpd_si128(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2);
 
@@ -1400,9 +1569,10 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__LOADD(p) _mm256_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm256_storeu_pd(p, v)
 #define CONEMAP__LOADL(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
-#define CONEMAP__GATHERL(base, i)                                                                          \
-    _mm256_i32gather_epi64((const long long *)(const void *)(base), _mm256_cvttpd_epi32(i), 8)
-#define CONEMAP__GATHERFD(base, i) _mm256_cvtps_pd(_mm_i32gather_ps(base, _mm256_cvttpd_epi32(i), 4))
+#define CONEMAP__STOREN(p, a) _mm_storeu_si128((__m128i *)(void *)(p), _mm256_cvttpd_epi32(a))
+#define CONEMAP__LOADN(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define CONEMAP__GATHERL(base, p) _mm256_i32gather_epi64((const long long *)(const void *)(base), CONEMAP__LOADN(p), 8)
+#define CONEMAP__GATHERFD(base, p) _mm256_cvtps_pd(_mm_i32gather_ps(base, CONEMAP__LOADN(p), 4))
 #define CONEMAP__ADDD(a, b) _mm256_add_pd(a, b)
 #define CONEMAP__SUBD(a, b) _mm256_sub_pd(a, b)
 #define CONEMAP__MULD(a, b) _mm256_mul_pd(a, b)
@@ -1423,6 +1593,10 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__LSHL(a, n) _mm256_slli_epi64(a, n)
 #define CONEMAP__LSHRL(a, n) _mm256_srlv_epi64(a, n)
 #define CONEMAP__BITSD(a) _mm256_castsi256_pd(a)
+#define CONEMAP__LOADFD(p) _mm256_cvtps_pd(_mm_loadu_ps(p))
+#define CONEMAP__FLOORD(a) _mm256_round_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
+#define CONEMAP__LSUB(a, b) _mm256_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm256_castpd_si256(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2);
 
@@ -1486,12 +1660,14 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__LOADD(p) _mm512_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm512_storeu_pd(p, v)
 #define CONEMAP__LOADL(p) _mm512_loadu_si512(p)
-#define CONEMAP__INDEXD(i) _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, i)
-#define CONEMAP__GATHERL(base, i)                                                                          \
-    _mm512_mask_i32gather_epi64(_mm512_setzero_si512(), CONEMAP__ALLD, CONEMAP__INDEXD(i), base, 8)
-#define CONEMAP__GATHERFD(base, i)                                                                         \
+#define CONEMAP__STOREN(p, a)                                                                              \
+    _mm256_storeu_si256((__m256i *)(void *)(p), _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, a))
+#define CONEMAP__LOADN(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define CONEMAP__GATHERL(base, p)                                                                          \
+    _mm512_mask_i32gather_epi64(_mm512_setzero_si512(), CONEMAP__ALLD, CONEMAP__LOADN(p), base, 8)
+#define CONEMAP__GATHERFD(base, p)                                                                         \
     _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_mmask_i32gather_ps(_mm256_setzero_ps(), CONEMAP__ALLD,     \
-                                                                   CONEMAP__INDEXD(i), base, 4))
+                                                                   CONEMAP__LOADN(p), base, 4))
 #define CONEMAP__ADDD(a, b) _mm512_add_pd(a, b)
 #define CONEMAP__SUBD(a, b) _mm512_sub_pd(a, b)
 #define CONEMAP__MULD(a, b) _mm512_mul_pd(a, b)
@@ -1512,11 +1688,14 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__LSHL(a, n) _mm512_maskz_slli_epi64(CONEMAP__ALLD, a, n)
 #define CONEMAP__LSHRL(a, n) _mm512_maskz_srlv_epi64(CONEMAP__ALLD, a, n)
 #define CONEMAP__BITSD(a) _mm512_castsi512_pd(a)
+#define CONEMAP__LOADFD(p) _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_loadu_ps(p))
+#define CONEMAP__FLOORD(a) _mm512_maskz_roundscale_pd(CONEMAP__ALLD, a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
+#define CONEMAP__LSUB(a, b) _mm512_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm512_castpd_si512(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx512);
 #undef CONEMAP__ALL
 #undef CONEMAP__ALLD
-#undef CONEMAP__INDEXD
 #endif
 
 #ifdef CONEMAP__ARM
@@ -1580,11 +1759,10 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__LOADD(p) vld1q_f64(p)
 #define CONEMAP__STORED(p, v) vst1q_f64(p, v)
 #define CONEMAP__LOADL(p) vld1q_u64(p)
-#define CONEMAP__GATHERL(base, i)                                                                          \
-    vcombine_u64(vcreate_u64((base)[(int32_t)vgetq_lane_f64(i, 0)]), vcreate_u64((base)[(int32_t)vgetq_lane_f64(i, 1)]))
-#define CONEMAP__GATHERFD(base, i)                                                                         \
-    vsetq_lane_f64((double)(base)[(int32_t)vgetq_lane_f64(i, 1)],                                          \
-                   vdupq_n_f64((double)(base)[(int32_t)vgetq_lane_f64(i, 0)]), 1)
+#define CONEMAP__STOREN(p, a) vst1_s32(p, vmovn_s64(vcvtq_s64_f64(a)))
+#define CONEMAP__GATHERL(base, p) vcombine_u64(vcreate_u64((base)[(p)[0]]), vcreate_u64((base)[(p)[1]]))
+#define CONEMAP__GATHERFD(base, p)                                                                         \
+    vsetq_lane_f64((double)(base)[(p)[1]], vdupq_n_f64((double)(base)[(p)[0]]), 1)
 #define CONEMAP__ADDD(a, b) vaddq_f64(a, b)
 #define CONEMAP__SUBD(a, b) vsubq_f64(a, b)
 #define CONEMAP__MULD(a, b) vmulq_f64(a, b)
@@ -1605,6 +1783,10 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__LSHL(a, n) vshlq_n_u64(a, n)
 #define CONEMAP__LSHRL(a, n) vshlq_u64(a, vnegq_s64(vreinterpretq_s64_u64(n)))
 #define CONEMAP__BITSD(a) vreinterpretq_f64_u64(a)
+#define CONEMAP__LOADFD(p) vcvt_f64_f32(vld1_f32(p))
+#define CONEMAP__FLOORD(a) vrndmq_f64(a)
+#define CONEMAP__LSUB(a, b) vsubq_u64(a, b)
+#define CONEMAP__BITSL(a) vreinterpretq_u64_f64(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon);
 #endif
@@ -1667,12 +1849,9 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__LOADD(p) wasm_v128_load(p)
 #define CONEMAP__STORED(p, v) wasm_v128_store(p, v)
 #define CONEMAP__LOADL(p) wasm_v128_load(p)
-#define CONEMAP__GATHERL(base, i)                                                                          \
-    wasm_i64x2_make((int64_t)(base)[(int32_t)wasm_f64x2_extract_lane(i, 0)],                               \
-                    (int64_t)(base)[(int32_t)wasm_f64x2_extract_lane(i, 1)])
-#define CONEMAP__GATHERFD(base, i)                                                                         \
-    wasm_f64x2_make((double)(base)[(int32_t)wasm_f64x2_extract_lane(i, 0)],                                \
-                    (double)(base)[(int32_t)wasm_f64x2_extract_lane(i, 1)])
+#define CONEMAP__STOREN(p, a) wasm_v128_store64_lane(p, wasm_i32x4_trunc_sat_f64x2_zero(a), 0)
+#define CONEMAP__GATHERL(base, p) wasm_i64x2_make((int64_t)(base)[(p)[0]], (int64_t)(base)[(p)[1]])
+#define CONEMAP__GATHERFD(base, p) wasm_f64x2_make((double)(base)[(p)[0]], (double)(base)[(p)[1]])
 #define CONEMAP__ADDD(a, b) wasm_f64x2_add(a, b)
 #define CONEMAP__SUBD(a, b) wasm_f64x2_sub(a, b)
 #define CONEMAP__MULD(a, b) wasm_f64x2_mul(a, b)
@@ -1695,6 +1874,10 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
     wasm_i64x2_make((int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 0) >> wasm_i64x2_extract_lane(n, 0)),   \
                     (int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 1) >> wasm_i64x2_extract_lane(n, 1)))
 #define CONEMAP__BITSD(a) (a)
+#define CONEMAP__LOADFD(p) wasm_f64x2_make((double)(p)[0], (double)(p)[1])
+#define CONEMAP__FLOORD(a) wasm_f64x2_floor(a)
+#define CONEMAP__LSUB(a, b) wasm_i64x2_sub(a, b)
+#define CONEMAP__BITSL(a) (a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_wasm = CONEMAP__KERNEL_LIST(wasm);
 #endif
@@ -4224,8 +4407,6 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
    never falls back. So every step gets somewhere, whatever the position's rounding says.
    ====================================================================================================== */
 
-#define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
-#define CONEMAP__NEVER 1e300     /* a time that does not come */
 #define CONEMAP__APEX_SLACK (1.0f / 1048576.0f) /* cones are stepped from so far above their apex, whose own height is
                                                     off by about 1e-7 */
 
@@ -4258,22 +4439,6 @@ static int conemap__clip(double o, double v, double low, double high, int axis, 
         *axis_out = axis;
     }
     return *t0 <= *t1;
-}
-
-static conemap_result conemap__check_ray(const conemap_ray *ray) {
-    int k;
-    for (k = 0; k < 3; ++k)
-        if (!conemap__finite(ray->origin[k])) return CONEMAP_ERROR_RAY_ORIGIN;
-    for (k = 0; k < 3; ++k)
-        if (!conemap__finite(ray->direction[k])) return CONEMAP_ERROR_RAY_DIRECTION;
-    if (((conemap__bits(ray->direction[0]) | conemap__bits(ray->direction[1]) |
-          conemap__bits(ray->direction[2])) & 0x7fffffffu) == 0)
-        return CONEMAP_ERROR_RAY_DIRECTION;
-    /* t_max may be infinite, which is no end; every other odd value is an error. */
-    if (!conemap__finite(ray->t_min) || ray->t_min < 0.0f) return CONEMAP_ERROR_RAY_RANGE;
-    if ((conemap__bits(ray->t_max) & 0x7fffffffu) > 0x7f800000u) return CONEMAP_ERROR_RAY_RANGE;
-    if (ray->t_max != 0.0f && ray->t_max < ray->t_min) return CONEMAP_ERROR_RAY_RANGE;
-    return CONEMAP_OK;
 }
 
 /* Puts an axis of the walk into texels; returns the base cell. */
@@ -5046,213 +5211,37 @@ CONEMAP__DEF void conemap_free_prepared(conemap_prepared *prepared) {
 
 /* ---- the way in and out ---------------------------------------------------------------------------------------- */
 
-/* Rays and hits as they come: as structs, or else as arrays. */
-typedef struct conemap__stream {
-    const conemap_ray *rays;
-    conemap_hit *hits;
-    const conemap_ray_arrays *ray_arrays;
-    const conemap_hit_arrays *hit_arrays;
-    int count, next;        /* the next ray to board */
-    conemap_result result;
-} conemap__stream;
-
-static void conemap__stream_ray(const conemap__stream *stream, int k, conemap_ray *ray) {
-    const conemap_ray_arrays *arrays = stream->ray_arrays;
-    int c;
-    if (stream->rays) {
-        *ray = stream->rays[k];
-        return;
-    }
-    for (c = 0; c < 3; ++c) {
-        ray->origin[c] = arrays->origin[c][k];
-        ray->direction[c] = arrays->direction[c][k];
-    }
-    ray->t_min = arrays->t_min ? arrays->t_min[k] : 0.0f;
-    ray->t_max = arrays->t_max ? arrays->t_max[k] : 0.0f;
-}
-
-static void conemap__stream_hit(const conemap__stream *stream, int k, const conemap_hit *hit) {
-    const conemap_hit_arrays *arrays = stream->hit_arrays;
-    if (stream->hits) {
-        stream->hits[k] = *hit;
-        return;
-    }
-    if (arrays->status) arrays->status[k] = (unsigned char)hit->status;
-    if (arrays->inside) arrays->inside[k] = (unsigned char)hit->inside;
-    if (arrays->t) arrays->t[k] = hit->t;
-    if (arrays->u) arrays->u[k] = hit->u;
-    if (arrays->v) arrays->v[k] = hit->v;
-    if (arrays->z) arrays->z[k] = hit->z;
-}
-
-/* Who sits in which slot. */
-typedef struct conemap__passenger {
-    conemap__walk walk;
-    conemap_ray ray;
-    int number;
-} conemap__passenger;
-
-static void conemap__board_axis(conemap__way *way, int slot, int size, conemap_wrap wrap, int base,
-                                double place, double v) {
-    int first = conemap__first_cell(wrap), cells = conemap__cell_count(size, wrap), cell = base + first, flip = v < 0.0;
-    double p;
-    if (cell < 0) cell += cells; /* WRAP's cell across the seam */
-    p = (double)cell + place;
-    if (flip) {
-        v = -v;
-        p = (double)cells - p;
-        cell = cells - 1 - cell;
-    }
-    way->cell[slot] = (double)cell;
-    way->p[slot] = p;
-    way->v[slot] = v;
-    way->per_v[slot] = v > 0.0 ? 1.0 / v : 0.0;
-    way->border[slot] = v > 0.0 ? -p * way->per_v[slot] : CONEMAP__NEVER;
-    way->sign[slot] = flip ? -1.0 : 1.0;
-    way->lower[slot] = (double)(wrap == CONEMAP_WRAP ? flip : first);
-}
-
-/* Puts a walk into a slot. */
-static void conemap__board(conemap__block_of_rays *rays, int slot, const conemap_prepared *prepared,
-                           const conemap__walk *walk) {
-    const conemap_info *info = &prepared->map->info;
-    int flip_u = walk->vx < 0.0, flip_v = walk->vy < 0.0;
-    double major;
-    conemap__board_axis(&rays->way[0], slot, info->width, info->wrap_u, walk->base_i, walk->px, walk->vx);
-    conemap__board_axis(&rays->way[1], slot, info->height, info->wrap_v, walk->base_j, walk->py, walk->vy);
-    major = rays->way[0].v[slot] > rays->way[1].v[slot] ? rays->way[0].v[slot] : rays->way[1].v[slot];
-    rays->major[slot] = major;
-    rays->per_major[slot] = major > 0.0 ? 1.0 / major : 1e290;
-    rays->z[slot] = walk->pz;
-    rays->vz[slot] = walk->vz;
-    rays->z_end[slot] = walk->z_end;
-    rays->sink[slot] = walk->vz < 0.0 ? -1.0 / walk->vz : 1e290;
-    rays->t[slot] = 0.0;
-    rays->t_end[slot] = walk->t_end;
-    rays->steps[slot] = 0.0;
-    rays->state[slot] = CONEMAP__FLYING;
-    rays->shift[slot] = 16u + 12u * (unsigned)(flip_u + 2 * flip_v);
-    rays->table_start[slot] = (double)(flip_u ? prepared->width - 1 : 0) +
-                           (double)(flip_v ? prepared->height - 1 : 0) * (double)prepared->width;
-    rays->texel_start[slot] = (double)(flip_u ? info->width - 1 : 0) +
-                           (double)(flip_v ? info->height - 1 : 0) * (double)info->width;
-}
-
-/* An empty slot flies along with another one's numbers. */
-static void conemap__leave_empty(conemap__block_of_rays *rays, int slot, int like) {
-    int k;
-    for (k = 0; k < 2; ++k) {
-        conemap__way *way = &rays->way[k];
-        way->cell[slot] = way->cell[like];
-        way->p[slot] = way->p[like];
-        way->v[slot] = way->v[like];
-        way->per_v[slot] = way->per_v[like];
-        way->border[slot] = way->border[like];
-        way->sign[slot] = way->sign[like];
-        way->lower[slot] = way->lower[like];
-    }
-    rays->major[slot] = rays->major[like];
-    rays->per_major[slot] = rays->per_major[like];
-    rays->z[slot] = rays->z[like];
-    rays->vz[slot] = rays->vz[like];
-    rays->z_end[slot] = rays->z_end[like];
-    rays->sink[slot] = rays->sink[like];
-    rays->t[slot] = rays->t[like];
-    rays->t_end[slot] = rays->t_end[like];
-    rays->steps[slot] = 0.0;
-    rays->state[slot] = CONEMAP__GONE;
-    rays->shift[slot] = rays->shift[like];
-    rays->table_start[slot] = rays->table_start[like];
-    rays->texel_start[slot] = rays->texel_start[like];
-}
-
-/* Fills a group's slots from the stream; rays that never meet the map are answered at once. */
-static void conemap__board_group(conemap__flight *f, int group, int lanes, const conemap_prepared *prepared,
-                                 conemap__stream *stream, conemap__passenger *passengers) {
-    conemap__block_of_rays *rays = &f->blocks[group * lanes / CONEMAP__BLOCK];
-    int first = group * lanes, at = first % CONEMAP__BLOCK, lane = 0, k;
-    while (lane < lanes && stream->next < stream->count) {
-        conemap__passenger *who = &passengers[first + lane];
-        conemap_result result;
-        conemap_hit hit;
-        who->number = stream->next++;
-        conemap__stream_ray(stream, who->number, &who->ray);
-        result = conemap__check_ray(&who->ray);
-        if (result == CONEMAP_OK && conemap__enter(prepared->map, &who->ray, &who->walk)) {
-            conemap__board(rays, at + lane, prepared, &who->walk);
-            ++lane;
-            continue;
-        }
-        memset(&hit, 0, sizeof hit);
-        if (result == CONEMAP_OK) {
-            conemap__miss(&who->walk, 0, &hit);
-        } else {
-            hit.status = CONEMAP_INVALID;
-            if (stream->result == CONEMAP_OK) stream->result = result;
-        }
-        conemap__stream_hit(stream, who->number, &hit);
-    }
-    f->aboard[group] = lane;
-    f->flying[group] = (1 << lane) - 1;
-    for (k = lane; lane > 0 && k < lanes; ++k) conemap__leave_empty(rays, at + k, at);
-}
-
-static void conemap__land_group(const conemap__flight *f, int group, int lanes, const conemap__stream *stream,
-                                const conemap__passenger *passengers) {
-    const conemap__block_of_rays *rays = &f->blocks[group * lanes / CONEMAP__BLOCK];
-    int first = group * lanes, at = first % CONEMAP__BLOCK, k;
-    for (k = 0; k < f->aboard[group]; ++k) {
-        const conemap__passenger *who = &passengers[first + k];
-        double t = rays->t[at + k];
-        conemap_hit hit;
-        hit.fallback = 0;
-        if (rays->state[at + k] == CONEMAP__MET)
-            conemap__finish(&who->walk, CONEMAP_HIT, t, t, t, (int)rays->steps[at + k], &hit);
-        else
-            conemap__miss(&who->walk, (int)rays->steps[at + k], &hit);
-        conemap__stream_hit(stream, who->number, &hit);
-    }
-}
-
-static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conemap_wrap wrap, int table_size) {
-    axis->period = wrap == CONEMAP_WRAP ? (double)size : 0.0;
-    axis->per_period = wrap == CONEMAP_WRAP ? 1.0 / (double)size : 0.0;
-    axis->outer = (double)conemap__first_cell(wrap);
+static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conemap_wrap wrap, int table_size,
+                                    int pitch, int texel_pitch) {
+    axis->size = (double)size;
+    axis->cells = (double)conemap__cell_count(size, wrap);
+    axis->first = (double)conemap__first_cell(wrap);
+    axis->low = wrap == CONEMAP_NOTHING ? 0.5 / (double)size : 0.0;
+    axis->wraps = wrap == CONEMAP_WRAP;
+    axis->period = axis->wraps ? (double)size : 0.0;
+    axis->per_period = axis->wraps ? 1.0 / (double)size : 0.0;
     axis->last = (double)(table_size - 1);
+    axis->pitch = (double)pitch;
     axis->last_texel = (double)(size - 1);
-    axis->before = wrap == CONEMAP_WRAP ? (double)(size - 1) : 0.0;
-    axis->after = wrap == CONEMAP_WRAP ? 0.0 : (double)(size - 1);
+    axis->texel_pitch = (double)texel_pitch;
+    axis->before = axis->wraps ? (double)(size - 1) : 0.0;
+    axis->after = axis->wraps ? 0.0 : (double)(size - 1);
 }
 
-static conemap_result conemap__fly_stream(const conemap_prepared *prepared, conemap__stream *stream) {
+static conemap_result conemap__fly_stream(const conemap_prepared *prepared, const conemap__stream *stream) {
     const conemap_info *info = &prepared->map->info;
-    const conemap__kernels *kernels = conemap__kernels_of(prepared->isa);
-    conemap__passenger passengers[CONEMAP__SLOTS];
+    unsigned char room[(CONEMAP__SLOTS / CONEMAP__BLOCK + 1) * sizeof(conemap__block_of_rays) + 63];
     conemap__flight f;
-    unsigned char room[(CONEMAP__SLOTS / CONEMAP__BLOCK) * sizeof(conemap__block_of_rays) + 63];
-    int lanes, group, busy = 0;
-    lanes = kernels->double_lanes;
+    if (stream->count == 0) return CONEMAP_OK;
     f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
+    f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
     f.table = prepared->table;
     f.heights = prepared->map->heights;
-    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width);
-    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height);
-    f.axis[0].pitch = f.axis[0].texel_pitch = 1.0;
-    f.axis[1].pitch = (double)prepared->width;
-    f.axis[1].texel_pitch = (double)info->width;
-    f.next = 0;
-    f.groups = conemap__mini(CONEMAP__SLOTS / lanes, stream->count / lanes + 1);
-    for (group = 0; group < f.groups; ++group) {
-        conemap__board_group(&f, group, lanes, prepared, stream, passengers);
-        busy += f.aboard[group] > 0;
-    }
-    while (busy > 0) {
-        group = kernels->fly(&f);
-        conemap__land_group(&f, group, lanes, stream, passengers);
-        conemap__board_group(&f, group, lanes, prepared, stream, passengers);
-        busy -= f.aboard[group] == 0;
-    }
-    return stream->result;
+    f.stream = *stream;
+    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width, 1, 1);
+    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height, prepared->width, info->width);
+    conemap__kernels_of(prepared->isa)->fly(&f);
+    return f.stream.result;
 }
 
 CONEMAP__DEF conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
@@ -5293,6 +5282,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
 #undef CONEMAP__DEF
 #undef CONEMAP__INLINE
 #undef CONEMAP__UNUSED
+#undef CONEMAP__PREFETCH
 #undef CONEMAP__FAR
 #undef CONEMAP__HASH_START
 #undef CONEMAP__STRIP_LEVELS
@@ -5314,6 +5304,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
 #undef CONEMAP__APEX_SLACK
 #undef CONEMAP__KERNEL_LIST
 #undef CONEMAP__MET
+#undef CONEMAP__EMPTY
 #undef CONEMAP__GONE
 #undef CONEMAP__CLOSE
 #undef CONEMAP__FLYING
@@ -5577,7 +5568,7 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(repeated)(const conemap__flight_axis 
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(table_step)(const conemap__flight_axis *axis,
                                                        const conemap__way *way, int at,
                                                        CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__D1(axis->outer));
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__D1(axis->first));
     number = CONEMAP__MIND(CONEMAP__MAXD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->last));
     return CONEMAP__MULD(number, CONEMAP__MULD(CONEMAP__LOADD(way->sign + at), CONEMAP__D1(axis->pitch)));
 }
@@ -5599,6 +5590,69 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(advance)(const conemap__way *way, int
     return CONEMAP__MAXD(CONEMAP__WHOLE(CONEMAP__KERNEL(position)(way, at, t)), next);
 }
 
+CONEMAP__HELPER void CONEMAP__KERNEL(fetch)(const void *base, size_t size, const int32_t *index) {
+    const unsigned char *bytes = (const unsigned char *)base;
+    int k;
+    if (CONEMAP__DLANES == 8) { /* no loop, which the compiler may leave one */
+        CONEMAP__PREFETCH(bytes + (size_t)index[0] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[1] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[2] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[3] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[4] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[5] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[6] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[7] * size);
+    } else {
+        for (k = 0; k < CONEMAP__DLANES; ++k) CONEMAP__PREFETCH(bytes + (size_t)index[k] * size);
+    }
+}
+
+/* Notes where the records of the lanes' cells are, and has them fetched while other groups take their turns. */
+CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__block_of_rays *rays, int at, CONEMAP__D i,
+                                          CONEMAP__D j) {
+    CONEMAP__STOREN(rays->record + at,
+                    CONEMAP__ADDD(CONEMAP__LOADD(rays->table_start + at),
+                                  CONEMAP__ADDD(CONEMAP__KERNEL(table_step)(&f->axis[0], &rays->way[0], at, i),
+                                                CONEMAP__KERNEL(table_step)(&f->axis[1], &rays->way[1], at, j))));
+    CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at);
+}
+
+/* The two texels of a cell along an axis, as numbers. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
+                                                       const conemap__way *way, int at,
+                                                       CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at));
+    number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
+    return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
+                                                      const conemap__way *way, int at,
+                                                      CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__ADDD(
+        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at)), CONEMAP__D1(1.0));
+    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
+}
+
+/* The same for the heights of the cells. */
+CONEMAP__HELPER void CONEMAP__KERNEL(aim_close)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
+    CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
+    CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
+    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], u, at, i), pitch_u);
+    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], u, at, i), pitch_u);
+    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], v, at, j), pitch_v), start);
+    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], v, at, j), pitch_v), start);
+    CONEMAP__STOREN(rays->corner[0] + at, CONEMAP__ADDD(j0, i0));
+    CONEMAP__STOREN(rays->corner[1] + at, CONEMAP__ADDD(j0, i1));
+    CONEMAP__STOREN(rays->corner[2] + at, CONEMAP__ADDD(j1, i0));
+    CONEMAP__STOREN(rays->corner[3] + at, CONEMAP__ADDD(j1, i1));
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[0] + at);
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[2] + at);
+}
+
 /* One step by the table for every flying lane of the group at slot `at`; returns the lanes that fly on. */
 CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
@@ -5606,10 +5660,7 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
     CONEMAP__D vz = CONEMAP__LOADD(rays->vz + at), state = CONEMAP__LOADD(rays->state + at);
     CONEMAP__D major = CONEMAP__LOADD(rays->major + at);
-    CONEMAP__D index = CONEMAP__ADDD(CONEMAP__LOADD(rays->table_start + at),
-                                     CONEMAP__ADDD(CONEMAP__KERNEL(table_step)(&f->axis[0], u, at, i),
-                                                   CONEMAP__KERNEL(table_step)(&f->axis[1], v, at, j)));
-    CONEMAP__L record = CONEMAP__GATHERL(f->table, index);
+    CONEMAP__L record = CONEMAP__GATHERL(f->table, rays->record + at);
     CONEMAP__L quadrant = CONEMAP__LSHRL(record, CONEMAP__LOADL(rays->shift + at));
     /* top + 2^52 as a double's bits; slope and clear way have a double's exponent and two bits of its fraction */
     CONEMAP__D top = CONEMAP__MULD(
@@ -5639,51 +5690,30 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     stop = CONEMAP__MIND(stop, t_end);
     CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
                                                  CONEMAP__PICKD(flies, CONEMAP__D1(1.0), CONEMAP__D1(0.0))));
-    CONEMAP__STORED(u->cell + at, CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i));
-    CONEMAP__STORED(v->cell + at, CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j));
+    i = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i);
+    j = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j);
+    CONEMAP__KERNEL(aim)(f, rays, at, i, j);
+    CONEMAP__STORED(u->cell + at, i);
+    CONEMAP__STORED(v->cell + at, j);
     CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(passes, stop, t));
-    state = CONEMAP__PICKD(CONEMAP__ANDNOTW(flies, passes), CONEMAP__D1(CONEMAP__CLOSE), state);
+    flies = CONEMAP__ANDNOTW(flies, passes);
+    state = CONEMAP__PICKD(flies, CONEMAP__D1(CONEMAP__CLOSE), state);
     CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(goes, CONEMAP__D1(CONEMAP__GONE), state));
     return CONEMAP__BITSW(CONEMAP__ANDNOTW(passes, goes));
 }
 
-/* The two texels of a cell along an axis, as numbers. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
-                                                       const conemap__way *way, int at,
-                                                       CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at));
-    number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
-    return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
-}
-
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
-                                                      const conemap__way *way, int at,
-                                                      CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__ADDD(
-        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at)), CONEMAP__D1(1.0));
-    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
-}
-
-/* Meets every close lane with the patch of its cell, as conemap__walk_hit does; lanes that do not hit fly on, and are
-   returned. */
-CONEMAP__HELPER int CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+/* Meets every close lane with the patch of its cell, as conemap__walk_hit does; lanes that do not hit fly on. */
+CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
     const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(1e300);
     CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
     CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
     CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz + at);
     CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
-    CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
-    CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
-    CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
-    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], u, at, i), pitch_u);
-    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], u, at, i), pitch_u);
-    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], v, at, j), pitch_v), start);
-    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], v, at, j), pitch_v), start);
-    CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j0, i0));
-    CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j0, i1));
-    CONEMAP__D h01 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j1, i0));
-    CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, CONEMAP__ADDD(j1, i1));
+    CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, rays->corner[0] + at);
+    CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, rays->corner[1] + at);
+    CONEMAP__D h01 = CONEMAP__GATHERFD(f->heights, rays->corner[2] + at);
+    CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, rays->corner[3] + at);
     CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
     CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t), end = CONEMAP__MIND(leave, t_end);
     CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
@@ -5730,38 +5760,254 @@ CONEMAP__HELPER int CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__blo
     CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__PICKD(meets, CONEMAP__ADDD(t, first), end), t));
     meets = CONEMAP__ANDW(close, meets);
     close = CONEMAP__ANDNOTW(close, meets);
-    CONEMAP__STORED(u->cell + at, CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)),
-                                                 CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i));
-    CONEMAP__STORED(v->cell + at, CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)),
-                                                 CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j));
+    i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i);
+    j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j);
+    CONEMAP__KERNEL(aim)(f, rays, at, i, j);
+    CONEMAP__STORED(u->cell + at, i);
+    CONEMAP__STORED(v->cell + at, j);
     state = CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__MET), state);
     ends = CONEMAP__ANDW(close, ends);
     close = CONEMAP__ANDNOTW(close, ends);
     state = CONEMAP__PICKD(ends, CONEMAP__D1(CONEMAP__GONE), state);
     CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(close, CONEMAP__D1(CONEMAP__FLYING), state));
-    return CONEMAP__BITSW(close);
 }
 
-enum { CONEMAP__KERNEL(double_lanes) = CONEMAP__DLANES };
+/* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends it. */
+CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(clip)(CONEMAP__D o, CONEMAP__D v, CONEMAP__D per_v, double low, double high,
+                                                 CONEMAP__D *t0, CONEMAP__D *t1) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    CONEMAP__W back = CONEMAP__LTD(v, zero), still = CONEMAP__ANDW(CONEMAP__LED(v, zero), CONEMAP__LED(zero, v));
+    CONEMAP__W outside = CONEMAP__ORW(CONEMAP__LTD(o, CONEMAP__D1(low)), CONEMAP__LTD(CONEMAP__D1(high), o)), ends;
+    CONEMAP__D a = CONEMAP__MULD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(high), CONEMAP__D1(low)), o), per_v);
+    CONEMAP__D b = CONEMAP__MULD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(low), CONEMAP__D1(high)), o), per_v);
+    /* a ray beside the slab that does not move towards it: t1 before any t0 */
+    b = CONEMAP__PICKD(still, CONEMAP__PICKD(outside, CONEMAP__D1(-1.0), never), b);
+    a = CONEMAP__PICKD(still, zero, a);
+    *t0 = CONEMAP__MAXD(a, *t0);
+    ends = CONEMAP__LTD(b, *t1);
+    *t1 = CONEMAP__PICKD(ends, b, *t1);
+    return ends;
+}
 
-/* Groups take turns, so that one group's memory accesses and divisions overlap with another's arithmetic. */
-CONEMAP__FUNCTION int CONEMAP__KERNEL(fly)(conemap__flight *f) {
-    conemap__block_of_rays *rays;
-    int group = f->next, at;
-    for (;; ++group) {
-        if (group >= f->groups) group = 0;
-        rays = &f->blocks[group * CONEMAP__DLANES / CONEMAP__BLOCK];
-        at = group * CONEMAP__DLANES % CONEMAP__BLOCK;
-        if (f->flying[group]) {
-            f->flying[group] = CONEMAP__KERNEL(fly_on)(f, rays, at);
-        } else if (f->aboard[group]) {
-            CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
-            if (!CONEMAP__BITSW(CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state),
-                                                 CONEMAP__LTD(CONEMAP__D1(1.5), state)))) {
-                f->next = group;
-                return group;
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(inverse)(CONEMAP__D v) {
+    CONEMAP__W still = CONEMAP__ANDW(CONEMAP__LED(v, CONEMAP__D1(0.0)), CONEMAP__LED(CONEMAP__D1(0.0), v));
+    return CONEMAP__PICKD(still, CONEMAP__D1(0.0), CONEMAP__DIVD(CONEMAP__D1(1.0),
+                                                                 CONEMAP__PICKD(still, CONEMAP__D1(1.0), v)));
+}
+
+/* Puts the rays on their way along an axis, as conemap__enter_axis, mirrored; returns the lanes that are. */
+CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axis *axis, conemap__way *way,
+                                                       CONEMAP__D position, CONEMAP__D v, CONEMAP__D per_v,
+                                                       CONEMAP__W meets) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0);
+    CONEMAP__W flip = CONEMAP__LTD(v, zero), moves = CONEMAP__ORW(flip, CONEMAP__LTD(zero, v));
+    CONEMAP__D cells = CONEMAP__D1(axis->cells), first = CONEMAP__D1(axis->first), x, cell, place, p;
+    position = CONEMAP__PICKD(meets, position, zero);
+    if (axis->wraps) {
+        CONEMAP__W far = CONEMAP__ORW(CONEMAP__LED(CONEMAP__D1(4503599627370496.0), position),
+                                      CONEMAP__LED(position, CONEMAP__D1(-4503599627370496.0)));
+        position = CONEMAP__PICKD(far, zero, position);
+        position = CONEMAP__SUBD(position, CONEMAP__FLOORD(position));
+    } else {
+        position = CONEMAP__KERNEL(clamp01)(position);
+    }
+    x = CONEMAP__SUBD(CONEMAP__MULD(position, CONEMAP__D1(axis->size)), CONEMAP__D1(0.5));
+    cell = CONEMAP__FLOORD(x);
+    place = CONEMAP__ADDD(cell, first);
+    if (!axis->wraps)
+        cell = CONEMAP__SUBD(CONEMAP__MAXD(CONEMAP__MIND(place, CONEMAP__SUBD(cells, one)), zero), first);
+    place = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(x, cell));
+    cell = CONEMAP__ADDD(cell, first);
+    cell = CONEMAP__PICKD(CONEMAP__LTD(cell, zero), CONEMAP__ADDD(cell, cells), cell); /* across the seam */
+    p = CONEMAP__ADDD(cell, place);
+    p = CONEMAP__PICKD(flip, CONEMAP__SUBD(cells, p), p);
+    cell = CONEMAP__PICKD(flip, CONEMAP__SUBD(CONEMAP__SUBD(cells, one), cell), cell);
+    v = CONEMAP__MULD(v, CONEMAP__D1(axis->size));
+    per_v = CONEMAP__MULD(per_v, CONEMAP__D1(1.0 / axis->size));
+    v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, v), v);
+    per_v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, per_v), per_v);
+    CONEMAP__STORED(way->cell, cell);
+    CONEMAP__STORED(way->p, p);
+    CONEMAP__STORED(way->v, CONEMAP__PICKD(meets, v, zero));
+    CONEMAP__STORED(way->per_v, CONEMAP__PICKD(meets, per_v, zero));
+    CONEMAP__STORED(way->border, CONEMAP__PICKD(CONEMAP__ANDW(moves, meets),
+                                                CONEMAP__SUBD(zero, CONEMAP__MULD(p, per_v)),
+                                                CONEMAP__D1(CONEMAP__NEVER)));
+    CONEMAP__STORED(way->sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
+    CONEMAP__STORED(way->lower, axis->wraps ? CONEMAP__PICKD(flip, one, zero) : first);
+    return flip;
+}
+
+/* Boards the next rays of the stream, as conemap__enter does one, into the waiting block; invalid ones are answered. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    conemap__block_of_rays *rays = f->waiting;
+    conemap__stream *stream = &f->stream;
+    float columns[8][CONEMAP__DLANES] = {{0}};
+    CONEMAP__D o[3], v[3], per_v[3], longest, power, t_min, t0, t1, box0, box1, status, z_out, reach, major;
+    CONEMAP__W ends, meets, in_box, flip_u, flip_v;
+    int lanes = 0, k;
+    while (lanes < CONEMAP__DLANES && stream->next < stream->count) {
+        conemap_ray ray;
+        int number = stream->next;
+        if (conemap__stream_ray(stream, &ray) != CONEMAP_OK) continue;
+        for (k = 0; k < 3; ++k) {
+            columns[k][lanes] = ray.origin[k];
+            columns[3 + k][lanes] = ray.direction[k];
+        }
+        columns[6][lanes] = ray.t_min;
+        columns[7][lanes] = conemap__finite(ray.t_max) ? ray.t_max : 0.0f;
+        rays->number[lanes] = (double)number;
+        ++lanes;
+    }
+    f->waiting_next = 0;
+    f->waiting_count = lanes;
+    if (lanes == 0) return;
+    for (k = lanes; k < CONEMAP__DLANES; ++k) columns[5][k] = 1.0f; /* a direction */
+
+    longest = CONEMAP__D1(1e-300);
+    for (k = 0; k < 3; ++k) {
+        o[k] = CONEMAP__LOADFD(columns[k]);
+        v[k] = CONEMAP__LOADFD(columns[3 + k]);
+        longest = CONEMAP__MAXD(longest, CONEMAP__MAXD(v[k], CONEMAP__SUBD(zero, v[k])));
+    }
+    /* the power of two that brings it to 1..2, as conemap__normalising_power */
+    power = CONEMAP__BITSD(CONEMAP__LSUB(CONEMAP__L1(UINT64_C(2046) << 52),
+                                         CONEMAP__LAND(CONEMAP__BITSL(longest), CONEMAP__L1(UINT64_C(2047) << 52))));
+    for (k = 0; k < 3; ++k) {
+        v[k] = CONEMAP__MULD(v[k], power);
+        v[k] = CONEMAP__PICKD(CONEMAP__ANDW(CONEMAP__LTD(v[k], CONEMAP__D1(1e-30)),
+                                            CONEMAP__LTD(CONEMAP__D1(-1e-30), v[k])), zero, v[k]);
+        per_v[k] = CONEMAP__KERNEL(inverse)(v[k]);
+    }
+    t_min = CONEMAP__DIVD(CONEMAP__LOADFD(columns[6]), power);
+    t1 = CONEMAP__LOADFD(columns[7]);
+    box0 = t_min;
+    box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__DIVD(t1, power));
+
+    /* The unit box says how a ray that meets nothing ends. */
+    ends = CONEMAP__KERNEL(clip)(o[2], v[2], per_v[2], 0.0, 1.0, &box0, &box1);
+    z_out = CONEMAP__PICKD(ends, one, zero);
+    status = CONEMAP__PICKD(ends, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__D1((double)CONEMAP_FLOOR),
+                                                 CONEMAP__D1((double)CONEMAP_LEFT)),
+                            CONEMAP__D1((double)CONEMAP_T_MAX));
+    for (k = 0; k < 2; ++k) {
+        if (f->axis[k].wraps) continue;
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], per_v[k], 0.0, 1.0, &box0, &box1);
+        z_out = CONEMAP__PICKD(ends, zero, z_out);
+        status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_LEFT), status);
+    }
+    in_box = CONEMAP__LED(box0, box1);
+    t0 = box0;
+    t1 = box1;
+    for (k = 0; k < 2; ++k) {
+        if (f->axis[k].low == 0.0) continue;
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], per_v[k], f->axis[k].low, 1.0 - f->axis[k].low, &t0, &t1);
+        z_out = CONEMAP__PICKD(ends, zero, z_out);
+    }
+    meets = CONEMAP__ANDW(in_box, CONEMAP__LED(t0, t1));
+    status = CONEMAP__PICKD(in_box, status, CONEMAP__D1((double)CONEMAP_LEFT));
+    box1 = CONEMAP__PICKD(in_box, box1, t_min);
+    /* Past its reach a wrapping ray is given up. */
+    reach = CONEMAP__DIVD(
+        CONEMAP__D1(CONEMAP__REACH),
+        CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__MAXD(v[0], CONEMAP__SUBD(zero, v[0])),
+                                                  CONEMAP__D1(f->axis[0].size)),
+                                    CONEMAP__MULD(CONEMAP__MAXD(v[1], CONEMAP__SUBD(zero, v[1])),
+                                                  CONEMAP__D1(f->axis[1].size))),
+                      CONEMAP__D1(1e-30)));
+    ends = CONEMAP__ANDW(meets, CONEMAP__LTD(reach, CONEMAP__SUBD(t1, t0)));
+    t1 = CONEMAP__PICKD(ends, CONEMAP__ADDD(t0, reach), t1);
+    box1 = CONEMAP__PICKD(ends, t1, box1);
+    z_out = CONEMAP__PICKD(ends, zero, z_out);
+    status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_STEP_CAP), status);
+
+    flip_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0],
+                                         per_v[0], meets);
+    flip_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1],
+                                         per_v[1], meets);
+    major = CONEMAP__MAXD(CONEMAP__LOADD(rays->way[0].v), CONEMAP__LOADD(rays->way[1].v));
+    CONEMAP__STORED(rays->major, major);
+    CONEMAP__STORED(rays->per_major, CONEMAP__PICKD(CONEMAP__LED(major, zero), CONEMAP__D1(1e290),
+                                                    CONEMAP__KERNEL(inverse)(major)));
+    CONEMAP__STORED(rays->z, CONEMAP__PICKD(
+        meets, CONEMAP__KERNEL(clamp01)(CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t0))), zero));
+    CONEMAP__STORED(rays->vz, v[2]);
+    /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
+    CONEMAP__STORED(rays->z_end, CONEMAP__PICKD(
+        CONEMAP__LTD(zero, z_out), CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), zero, one),
+        CONEMAP__KERNEL(clamp01)(CONEMAP__PICKD(meets, CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t1)), zero))));
+    CONEMAP__STORED(rays->sink, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__SUBD(zero, per_v[2]),
+                                               CONEMAP__D1(1e290)));
+    CONEMAP__STORED(rays->t, zero);
+    CONEMAP__STORED(rays->t_end, CONEMAP__PICKD(meets, CONEMAP__SUBD(t1, t0), zero));
+    CONEMAP__STORED(rays->steps, zero);
+    CONEMAP__STORED(rays->state, CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__FLYING), CONEMAP__D1(CONEMAP__GONE)));
+    CONEMAP__STORED(rays->t_start, CONEMAP__PICKD(meets, t0, zero));
+    CONEMAP__STORED(rays->t_gone, box1);
+    CONEMAP__STORED(rays->t_scale, power);
+    CONEMAP__STORED(rays->end_status, status);
+    CONEMAP__STORED(rays->table_start, CONEMAP__ADDD(
+        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last), zero),
+        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last * f->axis[1].pitch), zero)));
+    CONEMAP__STORED(rays->texel_start, CONEMAP__ADDD(
+        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last_texel), zero),
+        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last_texel * f->axis[1].texel_pitch), zero)));
+    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADD(rays->way[0].cell), CONEMAP__LOADD(rays->way[1].cell));
+    for (k = 0; k < lanes; ++k)
+        rays->shift[k] = 16u + (rays->way[0].sign[k] < 0.0 ? 12u : 0u) + (rays->way[1].sign[k] < 0.0 ? 24u : 0u);
+}
+
+/* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are aboard. */
+CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+    int arrived = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(1.5), state));
+    int empty = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(3.5), state)), aboard = CONEMAP__DLANES, k;
+    for (k = at; arrived; ++k, arrived >>= 1, empty >>= 1) {
+        if (!(arrived & 1)) continue;
+        if (!(empty & 1)) conemap__land(&f->stream, rays, k);
+        if (f->waiting_next == f->waiting_count && f->stream.next < f->stream.count) CONEMAP__KERNEL(board)(f);
+        if (f->waiting_next < f->waiting_count) {
+            conemap__move(f->waiting, f->waiting_next++, rays, k);
+        } else {
+            rays->state[k] = CONEMAP__EMPTY;
+            --aboard;
+        }
+    }
+    return aboard;
+}
+
+/* Groups take turns, so that what one waits for, memory, divisions and branches, is there when its turn comes again: what
+   it will read is asked for in the turn before. A group in which half the lanes or fewer fly on has its close lanes meet
+   their patches in the next turn, and its arrived rays make room in the one after. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
+    enum { FLY, AIM, MEET, CHANGE, DONE };
+    int turn[CONEMAP__SLOTS / CONEMAP__DLANES];
+    int groups = conemap__mini(CONEMAP__SLOTS / CONEMAP__DLANES, (f->stream.count - 1) / CONEMAP__DLANES + 1);
+    int busy = groups, group, k;
+    memset(f->blocks, 0, sizeof *f->blocks * (size_t)((groups * CONEMAP__DLANES - 1) / CONEMAP__BLOCK + 1));
+    for (k = 0; k < groups * CONEMAP__DLANES; ++k)
+        f->blocks[k / CONEMAP__BLOCK].state[k % CONEMAP__BLOCK] = CONEMAP__EMPTY;
+    for (group = 0; group < groups; ++group) turn[group] = CHANGE;
+    f->waiting_next = f->waiting_count = 0;
+    for (group = 0; busy > 0; group = group + 1 < groups ? group + 1 : 0) {
+        conemap__block_of_rays *rays = &f->blocks[group * CONEMAP__DLANES / CONEMAP__BLOCK];
+        int at = group * CONEMAP__DLANES % CONEMAP__BLOCK;
+        if (turn[group] == FLY) {
+            int flying = CONEMAP__KERNEL(fly_on)(f, rays, at);
+            turn[group] = 2 * conemap__count_bits(flying) <= CONEMAP__DLANES; /* FLY or AIM, without a branch */
+        } else if (turn[group] == AIM) {
+            CONEMAP__KERNEL(aim_close)(f, rays, at);
+            turn[group] = MEET;
+        } else if (turn[group] == MEET) {
+            CONEMAP__KERNEL(meet)(f, rays, at);
+            turn[group] = CHANGE;
+        } else if (turn[group] == CHANGE) {
+            turn[group] = FLY;
+            if (CONEMAP__KERNEL(change)(f, rays, at) == 0) {
+                turn[group] = DONE;
+                --busy;
             }
-            f->flying[group] = CONEMAP__KERNEL(meet)(f, rays, at);
         }
     }
 }
@@ -5833,6 +6079,12 @@ CONEMAP__FUNCTION int CONEMAP__KERNEL(fly)(conemap__flight *f) {
 #undef CONEMAP__LOADD
 #undef CONEMAP__LOADL
 #undef CONEMAP__LSHL
+#undef CONEMAP__LOADN
+#undef CONEMAP__STOREN
+#undef CONEMAP__LOADFD
+#undef CONEMAP__FLOORD
+#undef CONEMAP__LSUB
+#undef CONEMAP__BITSL
 #undef CONEMAP__LSHRL
 #undef CONEMAP__LTD
 #undef CONEMAP__MAXD
