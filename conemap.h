@@ -5773,13 +5773,15 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
 }
 
 /* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends it. */
-CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(clip)(CONEMAP__D o, CONEMAP__D v, CONEMAP__D per_v, double low, double high,
-                                                 CONEMAP__D *t0, CONEMAP__D *t1) {
+CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(clip)(CONEMAP__D o, CONEMAP__D v, double low, double high, CONEMAP__D *t0,
+                                                 CONEMAP__D *t1) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(CONEMAP__NEVER);
     CONEMAP__W back = CONEMAP__LTD(v, zero), still = CONEMAP__ANDW(CONEMAP__LED(v, zero), CONEMAP__LED(zero, v));
     CONEMAP__W outside = CONEMAP__ORW(CONEMAP__LTD(o, CONEMAP__D1(low)), CONEMAP__LTD(CONEMAP__D1(high), o)), ends;
-    CONEMAP__D a = CONEMAP__MULD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(high), CONEMAP__D1(low)), o), per_v);
-    CONEMAP__D b = CONEMAP__MULD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(low), CONEMAP__D1(high)), o), per_v);
+    /* Divided, not multiplied by an inverse: a ray through a corner leaves the one slab when it enters the other. */
+    CONEMAP__D speed = CONEMAP__PICKD(still, CONEMAP__D1(1.0), v);
+    CONEMAP__D a = CONEMAP__DIVD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(high), CONEMAP__D1(low)), o), speed);
+    CONEMAP__D b = CONEMAP__DIVD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(low), CONEMAP__D1(high)), o), speed);
     /* a ray beside the slab that does not move towards it: t1 before any t0 */
     b = CONEMAP__PICKD(still, CONEMAP__PICKD(outside, CONEMAP__D1(-1.0), never), b);
     a = CONEMAP__PICKD(still, zero, a);
@@ -5886,14 +5888,14 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__DIVD(t1, power));
 
     /* The unit box says how a ray that meets nothing ends. */
-    ends = CONEMAP__KERNEL(clip)(o[2], v[2], per_v[2], 0.0, 1.0, &box0, &box1);
+    ends = CONEMAP__KERNEL(clip)(o[2], v[2], 0.0, 1.0, &box0, &box1);
     z_out = CONEMAP__PICKD(ends, one, zero);
     status = CONEMAP__PICKD(ends, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__D1((double)CONEMAP_FLOOR),
                                                  CONEMAP__D1((double)CONEMAP_LEFT)),
                             CONEMAP__D1((double)CONEMAP_T_MAX));
     for (k = 0; k < 2; ++k) {
         if (f->axis[k].wraps) continue;
-        ends = CONEMAP__KERNEL(clip)(o[k], v[k], per_v[k], 0.0, 1.0, &box0, &box1);
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], 0.0, 1.0, &box0, &box1);
         z_out = CONEMAP__PICKD(ends, zero, z_out);
         status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_LEFT), status);
     }
@@ -5902,7 +5904,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     t1 = box1;
     for (k = 0; k < 2; ++k) {
         if (f->axis[k].low == 0.0) continue;
-        ends = CONEMAP__KERNEL(clip)(o[k], v[k], per_v[k], f->axis[k].low, 1.0 - f->axis[k].low, &t0, &t1);
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], f->axis[k].low, 1.0 - f->axis[k].low, &t0, &t1);
         z_out = CONEMAP__PICKD(ends, zero, z_out);
     }
     meets = CONEMAP__ANDW(in_box, CONEMAP__LED(t0, t1));

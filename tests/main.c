@@ -83,7 +83,7 @@ int main(int argument_count, char **arguments)
               {"formats", formats_tests},
         {"samples", samples_tests}, {"tracers", tracers_tests}, {"builds", builds_tests},
         {"inputs", inputs_tests},   {"header", header_tests},
-        {"kernels", kernels_tests},
+        {"kernels", kernels_tests}, {"packets", packets_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;

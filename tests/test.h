@@ -29,6 +29,7 @@ extern const struct test_case builds_tests[];
 extern const struct test_case inputs_tests[];
 extern const struct test_case header_tests[];
 extern const struct test_case kernels_tests[];
+extern const struct test_case packets_tests[];
 
 /* Notes a failure of the running test; the first few of each test are printed. Returns 0. */
 #if defined(__GNUC__)
