@@ -41,7 +41,7 @@ build/hello: examples/hello.c conemap.h | build
 build/stb_image_impl.o: examples/stb_image_impl.c | build
 	$(CC) -w $(CFLAGS) -DHAVE_STB_IMAGE -c examples/stb_image_impl.c -o $@
 
-$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h tests/truth.h conemap.h $(STB_OBJ) | build
+$(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c examples/common.h examples/measure.h examples/bench_trace.h tests/truth.h conemap.h $(STB_OBJ) | build
 	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
 
 build/%.o: tests/%.c $(wildcard tests/*.h) conemap.h | build

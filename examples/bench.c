@@ -105,6 +105,8 @@ static int bench_tracers(const char *map_name, const struct image *image) {
     return 1;
 }
 
+#include "bench_trace.h"
+
 int main(int argc, char **argv) {
     program_name = "bench";
     if (argc > 1) wanted = argv[1];
@@ -117,6 +119,7 @@ int main(int argc, char **argv) {
         if (!bench_generators(name, &image) || !bench_tracers(name, &image)) return 1;
         image_free(&image);
     }
+    if (!bench_trace()) return 1;
     progress_end(&progress);
     return 0;
 }
