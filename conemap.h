@@ -1131,27 +1131,31 @@ static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyrami
 #define CONEMAP__SLOTS 64
 #define CONEMAP__BLOCK 8
 typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
-    double cell[CONEMAP__BLOCK], p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
+    double p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
     double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
-    double sign[CONEMAP__BLOCK];  /* -1 where mirrored */
-    double lower[CONEMAP__BLOCK]; /* the cell's number less that of the texel at its near border */
+    double sign[CONEMAP__BLOCK];    /* -1 where mirrored */
 } conemap__way;
 
+/* What a step writes comes first and what it reads next: a block is 2240 bytes, so that neither lies a multiple of 4096
+   bytes from what the two blocks before have just written, which processors take for the same place for a while. */
 typedef struct conemap__block_of_rays {
     double state[CONEMAP__BLOCK];   /* CONEMAP__FLYING ... */
-    double t[CONEMAP__BLOCK], t_end[CONEMAP__BLOCK], steps[CONEMAP__BLOCK];
-    double z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK], z_end[CONEMAP__BLOCK];
+    double t[CONEMAP__BLOCK], steps[CONEMAP__BLOCK], cell[2][CONEMAP__BLOCK];
+    int32_t record[CONEMAP__BLOCK]; /* index of its cell in the table */
+    int32_t fill[CONEMAP__BLOCK];   /* to whole cache lines */
+    double t_end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK];
     double sink[CONEMAP__BLOCK];    /* time to sink by 1; huge if it does not */
     double major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
-    double table_start[CONEMAP__BLOCK], texel_start[CONEMAP__BLOCK]; /* index of cell 0 and texel 0, mirrored */
+    double table_start[CONEMAP__BLOCK]; /* index of cell 0, mirrored */
     uint64_t shift[CONEMAP__BLOCK]; /* to its quadrant's part of a record */
+    conemap__way way[2];
+    double z_end[CONEMAP__BLOCK];
+    double texel_start[CONEMAP__BLOCK]; /* as table_start, of the heights */
+    double lower[2][CONEMAP__BLOCK];    /* a cell's number less that of the texel at its near border */
+    int32_t corner[4][CONEMAP__BLOCK];  /* indices of its cell's texels, once it is close */
     /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
     double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
     double number[CONEMAP__BLOCK];
-    conemap__way way[2];
-    int32_t corner[4][CONEMAP__BLOCK];  /* indices of its cell's texels, once it is close */
-    int32_t record[CONEMAP__BLOCK];     /* and of its cell in the table */
-    int32_t fill[CONEMAP__BLOCK];       /* to whole cache lines */
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
@@ -1293,13 +1297,13 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
     CONEMAP__MOVE(end_status);
     CONEMAP__MOVE(number);
     for (k = 0; k < 2; ++k) {
-        CONEMAP__MOVE(way[k].cell);
+        CONEMAP__MOVE(cell[k]);
         CONEMAP__MOVE(way[k].p);
         CONEMAP__MOVE(way[k].v);
         CONEMAP__MOVE(way[k].per_v);
         CONEMAP__MOVE(way[k].border);
         CONEMAP__MOVE(way[k].sign);
-        CONEMAP__MOVE(way[k].lower);
+        CONEMAP__MOVE(lower[k]);
     }
 }
 #undef CONEMAP__MOVE
@@ -1663,8 +1667,11 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__STOREN(p, a)                                                                              \
     _mm256_storeu_si256((__m256i *)(void *)(p), _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, a))
 #define CONEMAP__LOADN(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+/* one by one: a gather waits long for indices that were just stored */
 #define CONEMAP__GATHERL(base, p)                                                                          \
-    _mm512_mask_i32gather_epi64(_mm512_setzero_si512(), CONEMAP__ALLD, CONEMAP__LOADN(p), base, 8)
+    _mm512_set_epi64((long long)(base)[(p)[7]], (long long)(base)[(p)[6]], (long long)(base)[(p)[5]],      \
+                     (long long)(base)[(p)[4]], (long long)(base)[(p)[3]], (long long)(base)[(p)[2]],      \
+                     (long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
 #define CONEMAP__GATHERFD(base, p)                                                                         \
     _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_mmask_i32gather_ps(_mm256_setzero_ps(), CONEMAP__ALLD,     \
                                                                    CONEMAP__LOADN(p), base, 4))
@@ -5033,7 +5040,36 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 /* ======================================================================================================
    P R E P A R A T I O N
 
-   PROOF
+   The table. A record belongs to a cell c of the map (the outer half cells of CLAMP have the same texels as their
+   neighbours and share theirs) and holds its top, and for each of the four quadrants into which a ray can fly a clear way
+   and a slope. Let R_k be the highest point of the square of cells whose corner is c and that reaches k cells beyond c
+   along both axes of the quadrant, WRAP's images included. Then
+       top >= R_0,   R_clear <= top,   R_k <= top + slope k  for all k >= 1.
+   Distances and speeds are counted in cells along the faster axis, so no root is needed.
+
+   Steps. A ray over c that has flown a distance s > 0 along its faster axis has flown no more along the other one, so it
+   is over a cell at most ceil(s) cells from c along either. As the surface is continuous, what borders on a cell counts as
+   the cell. So the surface under the ray is
+       (a) at most top while it is over c;
+       (b) at most top for s <= clear;
+       (c) at most top + slope (s + 1) for every s, since ceil(s) < s + 1.
+   At height z = top + gap, gap > 0, with vertical speed vz and V cells a time, it may therefore go on
+       (a) to the border of c, or (b) for clear / V, but in both cases no longer than it stays above top: gap / -vz;
+       (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever.
+   If the farthest of these does not reach the border of c, the cell is entered: its patch is met as conemap__trace_exact
+   meets it. Each step leaves a cell behind, so no epsilon and no cap are needed. What is skipped holds nothing of the
+   surface, cones play no part, and a ray that begins or ends at or below top is always judged by the patch.
+
+   Rounding. Heights are floats, top a multiple of 2^-16: rise, quotient and product in rise_row are off by less than
+   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 6 bits, and the ways are whole
+   numbers. Between the reaches that 6 bits can tell, all squares up to the next reach count at the lower one. Everything
+   along the ray is in doubles. With N the cells that it may cross (2^21 at most, with WRAP; else 2^16), cell borders are met
+   at times off by less than 4 2^-53 N cells' worth: on the steepest wall, a height of 1 in one cell, 2^-30 of height. z and gap
+   are off by 2^-51, the two times of (b) and (c) by 2^-50 of themselves, at whose ends z is off by no more, as it stays
+   in 0..1; slope V - vz cancels only where the ray rises about as fast as the bound, where an error of 2^-52 of either
+   term over a time in which z moves by 1 at most is 2^-51 of height. Together far below the 2^-20 of a miss. That a position
+   rounds into the next cell too early moves the ray by 2^-30 cells, and never back: the cell is kept as a number that
+   only grows. Where a square wraps around the map more than once, it holds everything, and so does the last reach.
    ====================================================================================================== */
 
 /* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
@@ -5619,32 +5655,30 @@ CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__blo
 
 /* The two texels of a cell along an axis, as numbers. */
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
-                                                       const conemap__way *way, int at,
-                                                       CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at));
+                                                       const double *lower, CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower));
     number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
     return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
 }
 
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
-                                                      const conemap__way *way, int at,
-                                                      CONEMAP__D cell) {
+                                                      const double *lower, CONEMAP__D cell) {
     CONEMAP__D number = CONEMAP__ADDD(
-        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(way->lower + at)), CONEMAP__D1(1.0));
+        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower)), CONEMAP__D1(1.0));
     return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
 }
 
 /* The same for the heights of the cells. */
 CONEMAP__HELPER void CONEMAP__KERNEL(aim_close)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
-    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
     CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
     CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
     CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
-    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], u, at, i), pitch_u);
-    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], u, at, i), pitch_u);
-    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], v, at, j), pitch_v), start);
-    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], v, at, j), pitch_v), start);
+    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
+    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
+    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
+    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
     CONEMAP__STOREN(rays->corner[0] + at, CONEMAP__ADDD(j0, i0));
     CONEMAP__STOREN(rays->corner[1] + at, CONEMAP__ADDD(j0, i1));
     CONEMAP__STOREN(rays->corner[2] + at, CONEMAP__ADDD(j1, i0));
@@ -5657,7 +5691,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(aim_close)(const conemap__flight *f, conema
 CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
     CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
-    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
     CONEMAP__D vz = CONEMAP__LOADD(rays->vz + at), state = CONEMAP__LOADD(rays->state + at);
     CONEMAP__D major = CONEMAP__LOADD(rays->major + at);
     CONEMAP__L record = CONEMAP__GATHERL(f->table, rays->record + at);
@@ -5693,8 +5727,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     i = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i);
     j = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j);
     CONEMAP__KERNEL(aim)(f, rays, at, i, j);
-    CONEMAP__STORED(u->cell + at, i);
-    CONEMAP__STORED(v->cell + at, j);
+    CONEMAP__STORED(rays->cell[0] + at, i);
+    CONEMAP__STORED(rays->cell[1] + at, j);
     CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(passes, stop, t));
     flies = CONEMAP__ANDNOTW(flies, passes);
     state = CONEMAP__PICKD(flies, CONEMAP__D1(CONEMAP__CLOSE), state);
@@ -5707,7 +5741,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
     const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(1e300);
     CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
-    CONEMAP__D i = CONEMAP__LOADD(u->cell + at), j = CONEMAP__LOADD(v->cell + at);
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
     CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz + at);
     CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
     CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, rays->corner[0] + at);
@@ -5763,8 +5797,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i);
     j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j);
     CONEMAP__KERNEL(aim)(f, rays, at, i, j);
-    CONEMAP__STORED(u->cell + at, i);
-    CONEMAP__STORED(v->cell + at, j);
+    CONEMAP__STORED(rays->cell[0] + at, i);
+    CONEMAP__STORED(rays->cell[1] + at, j);
     state = CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__MET), state);
     ends = CONEMAP__ANDW(close, ends);
     close = CONEMAP__ANDNOTW(close, ends);
@@ -5799,7 +5833,7 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(inverse)(CONEMAP__D v) {
 
 /* Puts the rays on their way along an axis, as conemap__enter_axis, mirrored; returns the lanes that are. */
 CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axis *axis, conemap__way *way,
-                                                       CONEMAP__D position, CONEMAP__D v, CONEMAP__D per_v,
+                                                       double *to_cell, double *lower, CONEMAP__D position, CONEMAP__D v, CONEMAP__D per_v,
                                                        CONEMAP__W meets) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0);
     CONEMAP__W flip = CONEMAP__LTD(v, zero), moves = CONEMAP__ORW(flip, CONEMAP__LTD(zero, v));
@@ -5828,7 +5862,7 @@ CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
     per_v = CONEMAP__MULD(per_v, CONEMAP__D1(1.0 / axis->size));
     v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, v), v);
     per_v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, per_v), per_v);
-    CONEMAP__STORED(way->cell, cell);
+    CONEMAP__STORED(to_cell, cell);
     CONEMAP__STORED(way->p, p);
     CONEMAP__STORED(way->v, CONEMAP__PICKD(meets, v, zero));
     CONEMAP__STORED(way->per_v, CONEMAP__PICKD(meets, per_v, zero));
@@ -5836,7 +5870,7 @@ CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
                                                 CONEMAP__SUBD(zero, CONEMAP__MULD(p, per_v)),
                                                 CONEMAP__D1(CONEMAP__NEVER)));
     CONEMAP__STORED(way->sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
-    CONEMAP__STORED(way->lower, axis->wraps ? CONEMAP__PICKD(flip, one, zero) : first);
+    CONEMAP__STORED(lower, axis->wraps ? CONEMAP__PICKD(flip, one, zero) : first);
     return flip;
 }
 
@@ -5924,9 +5958,11 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     z_out = CONEMAP__PICKD(ends, zero, z_out);
     status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_STEP_CAP), status);
 
-    flip_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0],
+    flip_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], rays->cell[0], rays->lower[0],
+                                         CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0],
                                          per_v[0], meets);
-    flip_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1],
+    flip_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], rays->cell[1], rays->lower[1],
+                                         CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1],
                                          per_v[1], meets);
     major = CONEMAP__MAXD(CONEMAP__LOADD(rays->way[0].v), CONEMAP__LOADD(rays->way[1].v));
     CONEMAP__STORED(rays->major, major);
@@ -5955,7 +5991,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     CONEMAP__STORED(rays->texel_start, CONEMAP__ADDD(
         CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last_texel), zero),
         CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last_texel * f->axis[1].texel_pitch), zero)));
-    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADD(rays->way[0].cell), CONEMAP__LOADD(rays->way[1].cell));
+    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADD(rays->cell[0]), CONEMAP__LOADD(rays->cell[1]));
     for (k = 0; k < lanes; ++k)
         rays->shift[k] = 16u + (rays->way[0].sign[k] < 0.0 ? 12u : 0u) + (rays->way[1].sign[k] < 0.0 ? 24u : 0u);
 }
