@@ -37,6 +37,7 @@
        V E R I F Y I N G           proof that interpolated cones are empty
        P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
+       P R E P A R E D   T R A C I N G   the same for many rays: a table for each cell, rays side by side
        S H A D E R S               the tracers as GLSL, HLSL and C
        E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
        F R U S T A                 skeletons skinned with relief-mapped conical frusta
@@ -53,6 +54,7 @@
        V E R I F I C A T I O N     rectangles of apices against rectangles of the surface
        P L A N S                   the planner's table and its model
        T R A C E R S               the walk through cells, every tracer, refinement
+       P R E P A R A T I O N       the prepared tracer's table, with the proof; its rays' way in and out
        E M I T T E R               shaders from snippets
        E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
@@ -691,6 +693,71 @@ CONEMAP_API conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_p
    What each tracer promises is written beside conemap_tracer, and counted by the tests. */
 CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_trace_desc *desc,
                                          const conemap_ray *rays, conemap_hit *hits, int count);
+
+/* ======================================================================================================
+   P R E P A R E D   T R A C I N G
+
+   The same hits, many rays at a time: the map's surface gets a table of its own, 8 bytes for each bilinear cell, from
+   which a ray reads how far it may fly into its quadrant; it then needs no cones. Rays are traced side by side, one in each
+   lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction set nor on
+   which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
+   ====================================================================================================== */
+
+typedef struct conemap_prepare_desc {
+    conemap_isa isa;        /* 0: the best there is. One that conemap_isa_available denies is UNSUPPORTED */
+    conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
+    void *memory;           /* caller-owned memory for the table; null: allocate. Must outlive *prepared */
+    size_t memory_size;     /* at least conemap_prepare_memory's */
+} conemap_prepare_desc;
+
+/* Read-only for the caller. A plain struct, which may be copied or moved: free one copy only. */
+typedef struct conemap_prepared {
+    const conemap_map *map;
+    const uint64_t *table;  /* width * height records, private in what they hold */
+    int width, height;      /* cells; those in the outer half texel of CLAMP belong to their neighbours */
+    size_t memory_size;     /* bytes held beside the map */
+    double bytes_per_texel; /* the same for a texel of the map: 8 at most, 16 where an axis has but one */
+    conemap_isa isa;        /* never DEFAULT */
+    struct {                /* private */
+        void *memory;
+        int owns_memory;
+        conemap_allocator allocator;
+    } own;
+} conemap_prepared;
+
+/* Rays and hits as arrays, one for each component: what conemap_ray and conemap_hit say of their fields holds. */
+typedef struct conemap_ray_arrays {
+    const float *origin[3];
+    const float *direction[3];
+    const float *t_min;     /* null: 0 */
+    const float *t_max;     /* null: no end */
+} conemap_ray_arrays;
+
+typedef struct conemap_hit_arrays { /* any may be null: not wanted */
+    unsigned char *status;  /* a conemap_status */
+    unsigned char *inside;
+    float *t, *u, *v, *z;
+} conemap_hit_arrays;
+
+/* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses nothing.
+   map: stays where it is while *prepared is in use; after conemap_update, prepare again. desc: null for the defaults.
+   prepared: overwritten; zeroed unless OK. Takes the table and, during the call, about twice as much again from the
+   allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW, MEMORY, BUFFER,
+   ALIGNMENT. Thread-safe. Source: the max pyramid of [TIS08] and the cones of [Dum06], by quadrant. */
+CONEMAP_API conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
+                                           conemap_prepared *prepared);
+/* The bytes of its table; 0 for a null or empty map. */
+CONEMAP_API size_t conemap_prepare_memory(const conemap_map *map);
+/* Releases what it owns and zeroes it; null and zeroed ones are fine. */
+CONEMAP_API void conemap_free_prepared(conemap_prepared *prepared);
+
+/* As conemap_trace with CONEMAP_TRACE_EXACT, and with its promise. t, u, v, z differ by rounding only; steps counts the
+   steps of this walk, and fallback is 0. Rays and hits may not overlap. Errors: NULL, PARAMETER (count), and those of
+   rays. Any thread; takes about 16 KiB of stack. */
+CONEMAP_API conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
+                                                  conemap_hit *hits, int count);
+CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared, const conemap_ray_arrays *rays,
+                                                const conemap_hit_arrays *hits, int count);
 
 /* ======================================================================================================
    S H A D E R S
@@ -1338,6 +1405,12 @@ CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conema
 #define CONEMAP__UNUSED
 #endif
 
+#if defined(__GNUC__) || defined(__clang__)
+#define CONEMAP__PREFETCH(address) __builtin_prefetch(address)
+#else
+#define CONEMAP__PREFETCH(address) ((void)(address))
+#endif
+
 #ifdef CONEMAP_STATIC
 #define CONEMAP__DEF CONEMAP__UNUSED static
 #elif defined(__cplusplus)
@@ -1372,6 +1445,12 @@ CONEMAP__INLINE float conemap__from_bits(uint32_t bits) {
     return x;
 }
 
+CONEMAP__INLINE double conemap__double_of(uint64_t bits) {
+    double x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
 /* By the bits, since fast-math builds assume that x == x. */
 CONEMAP__INLINE int conemap__finite(float x) {
     return (conemap__bits(x) & 0x7f800000u) != 0x7f800000u;
@@ -1399,6 +1478,18 @@ CONEMAP__INLINE int conemap__floord(double x) {
 }
 
 CONEMAP__INLINE double conemap__clamp01(double x) { return x < 0.0 ? 0.0 : x > 1.0 ? 1.0 : x; }
+
+CONEMAP__INLINE uint64_t conemap__bits_of(double x) {
+    uint64_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+/* For |x| below 2^52. */
+CONEMAP__INLINE double conemap__floor_wide(double x) {
+    double whole = (double)(int64_t)x;
+    return whole > x ? whole - 1.0 : whole;
+}
 
 /* x - floor(x) for any finite x; numbers of 2^52 and more are whole. */
 static double conemap__fraction(double x) {
@@ -1493,6 +1584,13 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     case CONEMAP_UNORM8: return bytes[0];
     default: memcpy(&half, bytes, 2); return half;
     }
+}
+
+/* Of the lowest 8. */
+CONEMAP__INLINE int conemap__count_bits(int bits) {
+    bits -= bits >> 1 & 0x55;
+    bits = (bits & 0x33) + (bits >> 2 & 0x33);
+    return (bits + (bits >> 4)) & 15;
 }
 
 /* Any alignment. */
@@ -1752,6 +1850,14 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
        ANY BITS           does some lane hold; one bit for each lane that holds, lane 0 lowest
        TOF TOI            between numbers, towards zero        BITSF BITSI   the same bits as another type
        EVEN ODD           every second lane of two vectors in a row
+   Types CONEMAP__D, CONEMAP__L, CONEMAP__W hold CONEMAP__DLANES doubles, uint64s and truth values of doubles:
+       D1 L1 LOADD STORED LOADL ADDD SUBD MULD DIVD SQRTD MIND MAXD LTD LED ANDW ORW ANDNOTW PICKD BITSW   as above
+       STOREN             doubles 0..2^31 - 1 as int32s
+       GATHERL GATHERFD   (base, p) uint64s or floats, these as doubles, at the int32s behind p
+       WHOLE              towards zero, for 0..2^31 - 1
+       LOADFD             DLANES floats as doubles
+       FLOORD             for anything below 2^52
+       LADD LSUB LAND LSHL    uint64s; LSHRL shifts each lane by its own count; BITSD BITSL the same bits as another type
    To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
    kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
    cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
@@ -1841,6 +1947,188 @@ typedef struct conemap__node {
    dropped only if its rounded quotient is no more than s. */
 #define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
 
+/* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
+   P R E P A R A T I O N. */
+#define CONEMAP__SLOTS 64
+#define CONEMAP__BLOCK 8
+typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
+    double p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
+    double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
+    double sign[CONEMAP__BLOCK];    /* -1 where mirrored */
+} conemap__way;
+
+/* What a step writes comes first and what it reads next: a block is 2240 bytes, so that neither lies a multiple of 4096
+   bytes from what the two blocks before have just written, which processors take for the same place for a while. */
+typedef struct conemap__block_of_rays {
+    double state[CONEMAP__BLOCK];   /* CONEMAP__FLYING ... */
+    double t[CONEMAP__BLOCK], steps[CONEMAP__BLOCK], cell[2][CONEMAP__BLOCK];
+    int32_t record[CONEMAP__BLOCK]; /* index of its cell in the table */
+    int32_t fill[CONEMAP__BLOCK];   /* to whole cache lines */
+    double t_end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK];
+    double sink[CONEMAP__BLOCK];    /* time to sink by 1; huge if it does not */
+    double major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
+    double table_start[CONEMAP__BLOCK]; /* index of cell 0, mirrored */
+    uint64_t shift[CONEMAP__BLOCK]; /* to its quadrant's part of a record */
+    conemap__way way[2];
+    double z_end[CONEMAP__BLOCK];
+    double texel_start[CONEMAP__BLOCK]; /* as table_start, of the heights */
+    double lower[2][CONEMAP__BLOCK];    /* a cell's number less that of the texel at its near border */
+    int32_t corner[4][CONEMAP__BLOCK];  /* indices of its cell's texels, once it is close */
+    /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
+    double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
+    double number[CONEMAP__BLOCK];
+} conemap__block_of_rays;
+
+typedef struct conemap__flight_axis {
+    double size, cells, first;      /* in texels and in cells; as conemap__first_cell */
+    double low;                     /* where the surface begins, in uv; it ends at 1 - low */
+    int wraps;
+    double period, per_period;      /* cells until it repeats, 0: never; 1 / period */
+    double last, pitch;             /* the table's: its last cell, records from one to the next */
+    double last_texel, texel_pitch; /* the same of the heights */
+    double before, after;           /* the texels that stand beyond the first and the last */
+} conemap__flight_axis;
+
+/* Rays and hits as they come: as structs, or else as arrays. */
+typedef struct conemap__stream {
+    const conemap_ray *rays;
+    conemap_hit *hits;
+    const conemap_ray_arrays *ray_arrays;
+    const conemap_hit_arrays *hit_arrays;
+    int count, next;        /* the next ray to board */
+    conemap_result result;
+} conemap__stream;
+
+typedef struct conemap__flight {
+    const uint64_t *table;
+    const float *heights;
+    conemap__flight_axis axis[2];
+    conemap__stream stream;
+    conemap__block_of_rays *blocks; /* CONEMAP__SLOTS rays under way */
+    conemap__block_of_rays *waiting;
+    int waiting_next, waiting_count;
+} conemap__flight;
+
+#define CONEMAP__FLYING 0.0
+#define CONEMAP__CLOSE 1.0 /* the next cell is to be met with its patch */
+#define CONEMAP__GONE 2.0  /* t_end reached above the surface */
+#define CONEMAP__MET 3.0
+#define CONEMAP__EMPTY 4.0
+
+#define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
+#define CONEMAP__NEVER 1e300     /* a time that does not come */
+
+CONEMAP__INLINE conemap_result conemap__check_ray(const conemap_ray *ray) {
+    int k;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->origin[k])) return CONEMAP_ERROR_RAY_ORIGIN;
+    for (k = 0; k < 3; ++k)
+        if (!conemap__finite(ray->direction[k])) return CONEMAP_ERROR_RAY_DIRECTION;
+    if (((conemap__bits(ray->direction[0]) | conemap__bits(ray->direction[1]) |
+          conemap__bits(ray->direction[2])) & 0x7fffffffu) == 0)
+        return CONEMAP_ERROR_RAY_DIRECTION;
+    /* t_max may be infinite, which is no end; every other odd value is an error. */
+    if (!conemap__finite(ray->t_min) || ray->t_min < 0.0f) return CONEMAP_ERROR_RAY_RANGE;
+    if ((conemap__bits(ray->t_max) & 0x7fffffffu) > 0x7f800000u) return CONEMAP_ERROR_RAY_RANGE;
+    if (ray->t_max != 0.0f && ray->t_max < ray->t_min) return CONEMAP_ERROR_RAY_RANGE;
+    return CONEMAP_OK;
+}
+
+CONEMAP__INLINE void conemap__stream_hit(const conemap__stream *stream, int k, const conemap_hit *hit) {
+    const conemap_hit_arrays *arrays = stream->hit_arrays;
+    if (stream->hits) {
+        stream->hits[k] = *hit;
+        return;
+    }
+    if (arrays->status) arrays->status[k] = (unsigned char)hit->status;
+    if (arrays->inside) arrays->inside[k] = (unsigned char)hit->inside;
+    if (arrays->t) arrays->t[k] = hit->t;
+    if (arrays->u) arrays->u[k] = hit->u;
+    if (arrays->v) arrays->v[k] = hit->v;
+    if (arrays->z) arrays->z[k] = hit->z;
+}
+
+/* The stream's next ray; an invalid one is answered. */
+CONEMAP__INLINE conemap_result conemap__stream_ray(conemap__stream *stream, conemap_ray *ray) {
+    const conemap_ray_arrays *arrays = stream->ray_arrays;
+    conemap_result result;
+    int c, k = stream->next++;
+    if (stream->rays) {
+        *ray = stream->rays[k];
+    } else {
+        for (c = 0; c < 3; ++c) {
+            ray->origin[c] = arrays->origin[c][k];
+            ray->direction[c] = arrays->direction[c][k];
+        }
+        ray->t_min = arrays->t_min ? arrays->t_min[k] : 0.0f;
+        ray->t_max = arrays->t_max ? arrays->t_max[k] : 0.0f;
+    }
+    result = conemap__check_ray(ray);
+    if (result != CONEMAP_OK) {
+        conemap_hit hit;
+        memset(&hit, 0, sizeof hit);
+        hit.status = CONEMAP_INVALID;
+        conemap__stream_hit(stream, k, &hit);
+        if (stream->result == CONEMAP_OK) stream->result = result;
+    }
+    return result;
+}
+
+/* Answers a ray that has met the surface or is gone, as conemap__finish and conemap__miss. */
+CONEMAP__INLINE void conemap__land(conemap__stream *stream, const conemap__block_of_rays *rays, int slot) {
+    int met = rays->state[slot] == CONEMAP__MET, number = (int)rays->number[slot], c;
+    double along = (met ? rays->t_start[slot] + rays->t[slot] : rays->t_gone[slot]) * rays->t_scale[slot], place[3];
+    conemap_hit hit;
+    for (c = 0; c < 3; ++c)
+        place[c] = stream->rays ? (double)stream->rays[number].origin[c] +
+                                      along * (double)stream->rays[number].direction[c]
+                                : (double)stream->ray_arrays->origin[c][number] +
+                                      along * (double)stream->ray_arrays->direction[c][number];
+    hit.status = met ? CONEMAP_HIT : (conemap_status)(int)rays->end_status[slot];
+    hit.inside = met && rays->t[slot] <= 0.0;
+    hit.t = hit.t_before = hit.t_after = (float)along;
+    hit.u = (float)place[0];
+    hit.v = (float)place[1];
+    hit.z = (float)place[2];
+    hit.steps = (int)rays->steps[slot];
+    hit.fallback = 0;
+    conemap__stream_hit(stream, number, &hit);
+}
+
+#define CONEMAP__MOVE(column) to->column[to_slot] = from->column[slot]
+CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot, conemap__block_of_rays *to, int to_slot) {
+    int k;
+    CONEMAP__MOVE(state);
+    CONEMAP__MOVE(t);
+    CONEMAP__MOVE(t_end);
+    CONEMAP__MOVE(steps);
+    CONEMAP__MOVE(z);
+    CONEMAP__MOVE(vz);
+    CONEMAP__MOVE(z_end);
+    CONEMAP__MOVE(sink);
+    CONEMAP__MOVE(major);
+    CONEMAP__MOVE(per_major);
+    CONEMAP__MOVE(table_start);
+    CONEMAP__MOVE(texel_start);
+    CONEMAP__MOVE(record);
+    CONEMAP__MOVE(shift);
+    CONEMAP__MOVE(t_start);
+    CONEMAP__MOVE(t_gone);
+    CONEMAP__MOVE(t_scale);
+    CONEMAP__MOVE(end_status);
+    CONEMAP__MOVE(number);
+    for (k = 0; k < 2; ++k) {
+        CONEMAP__MOVE(cell[k]);
+        CONEMAP__MOVE(way[k].p);
+        CONEMAP__MOVE(way[k].v);
+        CONEMAP__MOVE(way[k].per_v);
+        CONEMAP__MOVE(way[k].border);
+        CONEMAP__MOVE(way[k].sign);
+        CONEMAP__MOVE(lower[k]);
+    }
+}
+#undef CONEMAP__MOVE
+
 /* The kernels of one instruction set. `count` is always in texels. */
 typedef struct conemap__kernels {
     /* Reads row y of the caller's heights as the texture will hold them; 0 if one is not a height. */
@@ -1871,13 +2159,19 @@ typedef struct conemap__kernels {
                       const float *heights, float least, int count, float *out);
     /* Raises a tile's slopes to the steepest there is. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
+    /* out: the larger of two rows, or of four places in two rows; slopes and free as in conemap__look. */
+    void (*larger_row)(const float *a, const float *b, int count, float *out);
+    void (*rise_row)(const float *squares, int shift, const float *tops, float per_reach, int32_t code, int count,
+                     float *slopes, int32_t *clear);
+    /* Traces the flight's stream. */
+    void (*fly)(conemap__flight *flight);
 } conemap__kernels;
 
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
-      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__quick_row_##isa, \
-      conemap__search_tile_##isa }
+      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__quick_row_##isa, conemap__search_tile_##isa, \
+      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -1925,6 +2219,42 @@ typedef struct conemap__kernels {
 #define CONEMAP__BITSI(f) ((int32_t)conemap__bits(f))
 #define CONEMAP__EVEN(a, b) (a)
 #define CONEMAP__ODD(a, b) (b)
+#define CONEMAP__DLANES 1
+#define CONEMAP__D double
+#define CONEMAP__L uint64_t
+#define CONEMAP__W int
+#define CONEMAP__D1(x) (x)
+#define CONEMAP__L1(x) (x)
+#define CONEMAP__LOADD(p) (*(p))
+#define CONEMAP__STORED(p, v) ((void)(*(p) = (v)))
+#define CONEMAP__LOADL(p) (*(p))
+#define CONEMAP__STOREN(p, a) ((void)(*(p) = (int32_t)(a)))
+#define CONEMAP__GATHERL(base, p) ((base)[*(p)])
+#define CONEMAP__GATHERFD(base, p) ((double)(base)[*(p)])
+#define CONEMAP__ADDD(a, b) ((a) + (b))
+#define CONEMAP__SUBD(a, b) ((a) - (b))
+#define CONEMAP__MULD(a, b) ((a) * (b))
+#define CONEMAP__DIVD(a, b) ((a) / (b))
+#define CONEMAP__SQRTD(a) sqrt(a)
+#define CONEMAP__MIND(a, b) ((a) < (b) ? (a) : (b))
+#define CONEMAP__MAXD(a, b) ((a) > (b) ? (a) : (b))
+#define CONEMAP__WHOLE(a) ((double)(int32_t)(a))
+#define CONEMAP__LTD(a, b) ((a) < (b))
+#define CONEMAP__LED(a, b) ((a) <= (b))
+#define CONEMAP__ANDW(a, b) ((a) & (b))
+#define CONEMAP__ORW(a, b) ((a) | (b))
+#define CONEMAP__ANDNOTW(a, b) ((a) & !(b))
+#define CONEMAP__PICKD(m, a, b) ((m) ? (a) : (b))
+#define CONEMAP__BITSW(m) (m)
+#define CONEMAP__LADD(a, b) ((a) + (b))
+#define CONEMAP__LAND(a, b) ((a) & (b))
+#define CONEMAP__LSHL(a, n) ((a) << (n))
+#define CONEMAP__LSHRL(a, n) ((a) >> (n))
+#define CONEMAP__BITSD(a) conemap__double_of(a)
+#define CONEMAP__LOADFD(p) ((double)*(p))
+#define CONEMAP__FLOORD(a) conemap__floor_wide(a)
+#define CONEMAP__LSUB(a, b) ((a) - (b))
+#define CONEMAP__BITSL(a) conemap__bits_of(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(scalar);
 
@@ -1987,6 +2317,45 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__BITSI(f) _mm_castps_si128(f)
 #define CONEMAP__EVEN(a, b) _mm_shuffle_ps(a, b, 0x88)
 #define CONEMAP__ODD(a, b) _mm_shuffle_ps(a, b, 0xdd)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D __m128d
+#define CONEMAP__L __m128i
+#define CONEMAP__W __m128d
+#define CONEMAP__D1(x) _mm_set1_pd(x)
+#define CONEMAP__L1(x) _mm_set1_epi64x((long long)(x))
+#define CONEMAP__LOADD(p) _mm_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define CONEMAP__STOREN(p, a) _mm_storel_epi64((__m128i *)(void *)(p), _mm_cvttpd_epi32(a))
+#define CONEMAP__GATHERL(base, p) _mm_set_epi64x((long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
+#define CONEMAP__GATHERFD(base, p) _mm_set_pd((double)(base)[(p)[1]], (double)(base)[(p)[0]])
+#define CONEMAP__ADDD(a, b) _mm_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm_sqrt_pd(a)
+#define CONEMAP__MIND(a, b) _mm_min_pd(a, b)
+#define CONEMAP__MAXD(a, b) _mm_max_pd(a, b)
+#define CONEMAP__WHOLE(a) _mm_cvtepi32_pd(_mm_cvttpd_epi32(a))
+#define CONEMAP__LTD(a, b) _mm_cmplt_pd(a, b)
+#define CONEMAP__LED(a, b) _mm_cmple_pd(a, b)
+#define CONEMAP__ANDW(a, b) _mm_and_pd(a, b)
+#define CONEMAP__ORW(a, b) _mm_or_pd(a, b)
+#define CONEMAP__ANDNOTW(a, b) _mm_andnot_pd(b, a)
+#define CONEMAP__PICKD(m, a, b) _mm_or_pd(_mm_and_pd(m, a), _mm_andnot_pd(m, b))
+#define CONEMAP__BITSW(m) _mm_movemask_pd(m)
+#define CONEMAP__LADD(a, b) _mm_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm_and_si128(a, b)
+#define CONEMAP__LSHL(a, n) _mm_slli_epi64(a, n)
+#define CONEMAP__LSHRL(a, n)                                                                               \
+    _mm_castpd_si128(_mm_move_sd(_mm_castsi128_pd(_mm_srl_epi64(a, _mm_unpackhi_epi64(n, n))),             \
+                                 _mm_castsi128_pd(_mm_srl_epi64(a, n))))
+#define CONEMAP__BITSD(a) _mm_castsi128_pd(a)
+#define CONEMAP__LOADFD(p) _mm_set_pd((double)(p)[1], (double)(p)[0])
+#define CONEMAP__FLOORD(a)                                                                                 \
+    _mm_set_pd(conemap__floor_wide(_mm_cvtsd_f64(_mm_unpackhi_pd(a, a))), conemap__floor_wide(_mm_cvtsd_f64(a)))
+#define CONEMAP__LSUB(a, b) _mm_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm_castpd_si128(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2);
 
@@ -2038,6 +2407,43 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
     _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0x88)), 0xd8))
 #define CONEMAP__ODD(a, b)                                                                                 \
     _mm256_castpd_ps(_mm256_permute4x64_pd(_mm256_castps_pd(_mm256_shuffle_ps(a, b, 0xdd)), 0xd8))
+#define CONEMAP__DLANES 4
+#define CONEMAP__D __m256d
+#define CONEMAP__L __m256i
+#define CONEMAP__W __m256d
+#define CONEMAP__D1(x) _mm256_set1_pd(x)
+#define CONEMAP__L1(x) _mm256_set1_epi64x((long long)(x))
+#define CONEMAP__LOADD(p) _mm256_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm256_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+#define CONEMAP__STOREN(p, a) _mm_storeu_si128((__m128i *)(void *)(p), _mm256_cvttpd_epi32(a))
+#define CONEMAP__LOADN(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+#define CONEMAP__GATHERL(base, p) _mm256_i32gather_epi64((const long long *)(const void *)(base), CONEMAP__LOADN(p), 8)
+#define CONEMAP__GATHERFD(base, p) _mm256_cvtps_pd(_mm_i32gather_ps(base, CONEMAP__LOADN(p), 4))
+#define CONEMAP__ADDD(a, b) _mm256_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm256_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm256_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm256_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm256_sqrt_pd(a)
+#define CONEMAP__MIND(a, b) _mm256_min_pd(a, b)
+#define CONEMAP__MAXD(a, b) _mm256_max_pd(a, b)
+#define CONEMAP__WHOLE(a) _mm256_round_pd(a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC)
+#define CONEMAP__LTD(a, b) _mm256_cmp_pd(a, b, _CMP_LT_OQ)
+#define CONEMAP__LED(a, b) _mm256_cmp_pd(a, b, _CMP_LE_OQ)
+#define CONEMAP__ANDW(a, b) _mm256_and_pd(a, b)
+#define CONEMAP__ORW(a, b) _mm256_or_pd(a, b)
+#define CONEMAP__ANDNOTW(a, b) _mm256_andnot_pd(b, a)
+#define CONEMAP__PICKD(m, a, b) _mm256_blendv_pd(b, a, m)
+#define CONEMAP__BITSW(m) _mm256_movemask_pd(m)
+#define CONEMAP__LADD(a, b) _mm256_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm256_and_si256(a, b)
+#define CONEMAP__LSHL(a, n) _mm256_slli_epi64(a, n)
+#define CONEMAP__LSHRL(a, n) _mm256_srlv_epi64(a, n)
+#define CONEMAP__BITSD(a) _mm256_castsi256_pd(a)
+#define CONEMAP__LOADFD(p) _mm256_cvtps_pd(_mm_loadu_ps(p))
+#define CONEMAP__FLOORD(a) _mm256_round_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
+#define CONEMAP__LSUB(a, b) _mm256_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm256_castpd_si256(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2);
 
@@ -2091,9 +2497,55 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30), b)
 #define CONEMAP__ODD(a, b)                                                                                 \
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31), b)
+#define CONEMAP__DLANES 8
+#define CONEMAP__D __m512d
+#define CONEMAP__L __m512i
+#define CONEMAP__W __mmask8
+#define CONEMAP__ALLD ((__mmask8)0xff)
+#define CONEMAP__D1(x) _mm512_set1_pd(x)
+#define CONEMAP__L1(x) _mm512_set1_epi64((long long)(x))
+#define CONEMAP__LOADD(p) _mm512_loadu_pd(p)
+#define CONEMAP__STORED(p, v) _mm512_storeu_pd(p, v)
+#define CONEMAP__LOADL(p) _mm512_loadu_si512(p)
+#define CONEMAP__STOREN(p, a)                                                                              \
+    _mm256_storeu_si256((__m256i *)(void *)(p), _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, a))
+#define CONEMAP__LOADN(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+/* one by one: a gather waits long for indices that were just stored */
+#define CONEMAP__GATHERL(base, p)                                                                          \
+    _mm512_set_epi64((long long)(base)[(p)[7]], (long long)(base)[(p)[6]], (long long)(base)[(p)[5]],      \
+                     (long long)(base)[(p)[4]], (long long)(base)[(p)[3]], (long long)(base)[(p)[2]],      \
+                     (long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
+#define CONEMAP__GATHERFD(base, p)                                                                         \
+    _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_mmask_i32gather_ps(_mm256_setzero_ps(), CONEMAP__ALLD,     \
+                                                                   CONEMAP__LOADN(p), base, 4))
+#define CONEMAP__ADDD(a, b) _mm512_add_pd(a, b)
+#define CONEMAP__SUBD(a, b) _mm512_sub_pd(a, b)
+#define CONEMAP__MULD(a, b) _mm512_mul_pd(a, b)
+#define CONEMAP__DIVD(a, b) _mm512_div_pd(a, b)
+#define CONEMAP__SQRTD(a) _mm512_maskz_sqrt_pd(CONEMAP__ALLD, a)
+#define CONEMAP__MIND(a, b) _mm512_maskz_min_pd(CONEMAP__ALLD, a, b)
+#define CONEMAP__MAXD(a, b) _mm512_maskz_max_pd(CONEMAP__ALLD, a, b)
+#define CONEMAP__WHOLE(a) _mm512_maskz_roundscale_pd(CONEMAP__ALLD, a, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC)
+#define CONEMAP__LTD(a, b) _mm512_cmp_pd_mask(a, b, _CMP_LT_OQ)
+#define CONEMAP__LED(a, b) _mm512_cmp_pd_mask(a, b, _CMP_LE_OQ)
+#define CONEMAP__ANDW(a, b) ((__mmask8)((a) & (b)))
+#define CONEMAP__ORW(a, b) ((__mmask8)((a) | (b)))
+#define CONEMAP__ANDNOTW(a, b) ((__mmask8)((a) & ~(b)))
+#define CONEMAP__PICKD(m, a, b) _mm512_mask_blend_pd(m, b, a)
+#define CONEMAP__BITSW(m) ((int)(m))
+#define CONEMAP__LADD(a, b) _mm512_add_epi64(a, b)
+#define CONEMAP__LAND(a, b) _mm512_and_si512(a, b)
+#define CONEMAP__LSHL(a, n) _mm512_maskz_slli_epi64(CONEMAP__ALLD, a, n)
+#define CONEMAP__LSHRL(a, n) _mm512_maskz_srlv_epi64(CONEMAP__ALLD, a, n)
+#define CONEMAP__BITSD(a) _mm512_castsi512_pd(a)
+#define CONEMAP__LOADFD(p) _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_loadu_ps(p))
+#define CONEMAP__FLOORD(a) _mm512_maskz_roundscale_pd(CONEMAP__ALLD, a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
+#define CONEMAP__LSUB(a, b) _mm512_sub_epi64(a, b)
+#define CONEMAP__BITSL(a) _mm512_castpd_si512(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx512);
 #undef CONEMAP__ALL
+#undef CONEMAP__ALLD
 #endif
 
 #ifdef CONEMAP__ARM
@@ -2148,6 +2600,43 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__BITSI(f) vreinterpretq_s32_f32(f)
 #define CONEMAP__EVEN(a, b) vuzp1q_f32(a, b)
 #define CONEMAP__ODD(a, b) vuzp2q_f32(a, b)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D float64x2_t
+#define CONEMAP__L uint64x2_t
+#define CONEMAP__W uint64x2_t
+#define CONEMAP__D1(x) vdupq_n_f64(x)
+#define CONEMAP__L1(x) vdupq_n_u64(x)
+#define CONEMAP__LOADD(p) vld1q_f64(p)
+#define CONEMAP__STORED(p, v) vst1q_f64(p, v)
+#define CONEMAP__LOADL(p) vld1q_u64(p)
+#define CONEMAP__STOREN(p, a) vst1_s32(p, vmovn_s64(vcvtq_s64_f64(a)))
+#define CONEMAP__GATHERL(base, p) vcombine_u64(vcreate_u64((base)[(p)[0]]), vcreate_u64((base)[(p)[1]]))
+#define CONEMAP__GATHERFD(base, p)                                                                         \
+    vsetq_lane_f64((double)(base)[(p)[1]], vdupq_n_f64((double)(base)[(p)[0]]), 1)
+#define CONEMAP__ADDD(a, b) vaddq_f64(a, b)
+#define CONEMAP__SUBD(a, b) vsubq_f64(a, b)
+#define CONEMAP__MULD(a, b) vmulq_f64(a, b)
+#define CONEMAP__DIVD(a, b) vdivq_f64(a, b)
+#define CONEMAP__SQRTD(a) vsqrtq_f64(a)
+#define CONEMAP__MIND(a, b) vminq_f64(a, b)
+#define CONEMAP__MAXD(a, b) vmaxq_f64(a, b)
+#define CONEMAP__WHOLE(a) vrndq_f64(a)
+#define CONEMAP__LTD(a, b) vcltq_f64(a, b)
+#define CONEMAP__LED(a, b) vcleq_f64(a, b)
+#define CONEMAP__ANDW(a, b) vandq_u64(a, b)
+#define CONEMAP__ORW(a, b) vorrq_u64(a, b)
+#define CONEMAP__ANDNOTW(a, b) vbicq_u64(a, b)
+#define CONEMAP__PICKD(m, a, b) vbslq_f64(m, a, b)
+#define CONEMAP__BITSW(m) ((int)(vgetq_lane_u64(m, 0) & 1u) | (int)(vgetq_lane_u64(m, 1) & 2u))
+#define CONEMAP__LADD(a, b) vaddq_u64(a, b)
+#define CONEMAP__LAND(a, b) vandq_u64(a, b)
+#define CONEMAP__LSHL(a, n) vshlq_n_u64(a, n)
+#define CONEMAP__LSHRL(a, n) vshlq_u64(a, vnegq_s64(vreinterpretq_s64_u64(n)))
+#define CONEMAP__BITSD(a) vreinterpretq_f64_u64(a)
+#define CONEMAP__LOADFD(p) vcvt_f64_f32(vld1_f32(p))
+#define CONEMAP__FLOORD(a) vrndmq_f64(a)
+#define CONEMAP__LSUB(a, b) vsubq_u64(a, b)
+#define CONEMAP__BITSL(a) vreinterpretq_u64_f64(a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon);
 #endif
@@ -2201,6 +2690,44 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__BITSI(f) (f)
 #define CONEMAP__EVEN(a, b) wasm_i32x4_shuffle(a, b, 0, 2, 4, 6)
 #define CONEMAP__ODD(a, b) wasm_i32x4_shuffle(a, b, 1, 3, 5, 7)
+#define CONEMAP__DLANES 2
+#define CONEMAP__D v128_t
+#define CONEMAP__L v128_t
+#define CONEMAP__W v128_t
+#define CONEMAP__D1(x) wasm_f64x2_splat(x)
+#define CONEMAP__L1(x) wasm_i64x2_splat((int64_t)(x))
+#define CONEMAP__LOADD(p) wasm_v128_load(p)
+#define CONEMAP__STORED(p, v) wasm_v128_store(p, v)
+#define CONEMAP__LOADL(p) wasm_v128_load(p)
+#define CONEMAP__STOREN(p, a) wasm_v128_store64_lane(p, wasm_i32x4_trunc_sat_f64x2_zero(a), 0)
+#define CONEMAP__GATHERL(base, p) wasm_i64x2_make((int64_t)(base)[(p)[0]], (int64_t)(base)[(p)[1]])
+#define CONEMAP__GATHERFD(base, p) wasm_f64x2_make((double)(base)[(p)[0]], (double)(base)[(p)[1]])
+#define CONEMAP__ADDD(a, b) wasm_f64x2_add(a, b)
+#define CONEMAP__SUBD(a, b) wasm_f64x2_sub(a, b)
+#define CONEMAP__MULD(a, b) wasm_f64x2_mul(a, b)
+#define CONEMAP__DIVD(a, b) wasm_f64x2_div(a, b)
+#define CONEMAP__SQRTD(a) wasm_f64x2_sqrt(a)
+#define CONEMAP__MIND(a, b) wasm_f64x2_pmin(b, a)
+#define CONEMAP__MAXD(a, b) wasm_f64x2_pmax(b, a)
+#define CONEMAP__WHOLE(a) wasm_f64x2_trunc(a)
+#define CONEMAP__LTD(a, b) wasm_f64x2_lt(a, b)
+#define CONEMAP__LED(a, b) wasm_f64x2_le(a, b)
+#define CONEMAP__ANDW(a, b) wasm_v128_and(a, b)
+#define CONEMAP__ORW(a, b) wasm_v128_or(a, b)
+#define CONEMAP__ANDNOTW(a, b) wasm_v128_andnot(a, b)
+#define CONEMAP__PICKD(m, a, b) wasm_v128_bitselect(a, b, m)
+#define CONEMAP__BITSW(m) ((int)wasm_i64x2_bitmask(m))
+#define CONEMAP__LADD(a, b) wasm_i64x2_add(a, b)
+#define CONEMAP__LAND(a, b) wasm_v128_and(a, b)
+#define CONEMAP__LSHL(a, n) wasm_i64x2_shl(a, n)
+#define CONEMAP__LSHRL(a, n)                                                                               \
+    wasm_i64x2_make((int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 0) >> wasm_i64x2_extract_lane(n, 0)),   \
+                    (int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 1) >> wasm_i64x2_extract_lane(n, 1)))
+#define CONEMAP__BITSD(a) (a)
+#define CONEMAP__LOADFD(p) wasm_f64x2_make((double)(p)[0], (double)(p)[1])
+#define CONEMAP__FLOORD(a) wasm_f64x2_floor(a)
+#define CONEMAP__LSUB(a, b) wasm_i64x2_sub(a, b)
+#define CONEMAP__BITSL(a) (a)
 #include CONEMAP_SELF
 static const conemap__kernels conemap__kernels_wasm = CONEMAP__KERNEL_LIST(wasm);
 #endif
@@ -5826,8 +6353,6 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
    never falls back. So every step gets somewhere, whatever the position's rounding says.
    ====================================================================================================== */
 
-#define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
-#define CONEMAP__NEVER 1e300     /* a time that does not come */
 #define CONEMAP__APEX_SLACK (1.0f / 1048576.0f) /* cones are stepped from so far above their apex, whose own height is
                                                     off by about 1e-7 */
 
@@ -5861,22 +6386,6 @@ static int conemap__clip(double o, double v, double low, double high, int axis, 
         *axis_out = axis;
     }
     return *t0 <= *t1;
-}
-
-static conemap_result conemap__check_ray(const conemap_ray *ray) {
-    int k;
-    for (k = 0; k < 3; ++k)
-        if (!conemap__finite(ray->origin[k])) return CONEMAP_ERROR_RAY_ORIGIN;
-    for (k = 0; k < 3; ++k)
-        if (!conemap__finite(ray->direction[k])) return CONEMAP_ERROR_RAY_DIRECTION;
-    if (((conemap__bits(ray->direction[0]) | conemap__bits(ray->direction[1]) |
-          conemap__bits(ray->direction[2])) & 0x7fffffffu) == 0)
-        return CONEMAP_ERROR_RAY_DIRECTION;
-    /* t_max may be infinite, which is no end; every other odd value is an error. */
-    if (!conemap__finite(ray->t_min) || ray->t_min < 0.0f) return CONEMAP_ERROR_RAY_RANGE;
-    if ((conemap__bits(ray->t_max) & 0x7fffffffu) > 0x7f800000u) return CONEMAP_ERROR_RAY_RANGE;
-    if (ray->t_max != 0.0f && ray->t_max < ray->t_min) return CONEMAP_ERROR_RAY_RANGE;
-    return CONEMAP_OK;
 }
 
 /* Puts an axis of the walk into texels; returns the base cell. */
@@ -6470,6 +6979,276 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 }
 
 /* ======================================================================================================
+   P R E P A R A T I O N
+
+   The table. A record belongs to a cell c of the map (the outer half cells of CLAMP have the same texels as their
+   neighbours and share theirs) and holds its top, and for each of the four quadrants into which a ray can fly a clear way
+   and a slope. Let R_k be the highest point of the square of cells whose corner is c and that reaches k cells beyond c
+   along both axes of the quadrant, WRAP's images included. Then
+       top >= R_0,   R_clear <= top,   R_k <= top + slope k  for all k >= 1.
+   Distances and speeds are counted in cells along the faster axis, so no root is needed.
+
+   Steps. A ray over c that has flown a distance s > 0 along its faster axis has flown no more along the other one, so it
+   is over a cell at most ceil(s) cells from c along either. As the surface is continuous, what borders on a cell counts as
+   the cell. So the surface under the ray is
+       (a) at most top while it is over c;
+       (b) at most top for s <= clear;
+       (c) at most top + slope (s + 1) for every s, since ceil(s) < s + 1.
+   At height z = top + gap, gap > 0, with vertical speed vz and V cells a time, it may therefore go on
+       (a) to the border of c, or (b) for clear / V, but in both cases no longer than it stays above top: gap / -vz;
+       (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever.
+   If the farthest of these does not reach the border of c, the cell is entered: its patch is met as conemap__trace_exact
+   meets it. Each step leaves a cell behind, so no epsilon and no cap are needed. What is skipped holds nothing of the
+   surface, cones play no part, and a ray that begins or ends at or below top is always judged by the patch.
+
+   Rounding. Heights are floats, top a multiple of 2^-16: rise, quotient and product in rise_row are off by less than
+   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 6 bits, and the ways are whole
+   numbers. Between the reaches that 6 bits can tell, all squares up to the next reach count at the lower one. Everything
+   along the ray is in doubles. With N the cells that it may cross (2^21 at most, with WRAP; else 2^16), cell borders are met
+   at times off by less than 4 2^-53 N cells' worth: on the steepest wall, a height of 1 in one cell, 2^-30 of height. z and gap
+   are off by 2^-51, the two times of (b) and (c) by 2^-50 of themselves, at whose ends z is off by no more, as it stays
+   in 0..1; slope V - vz cancels only where the ray rises about as fast as the bound, where an error of 2^-52 of either
+   term over a time in which z moves by 1 at most is 2^-51 of height. Together far below the 2^-20 of a miss. That a position
+   rounds into the next cell too early moves the ray by 2^-30 cells, and never back: the cell is kept as a number that
+   only grows. Where a square wraps around the map more than once, it holds everything, and so does the last reach.
+   ====================================================================================================== */
+
+/* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
+static int conemap__reach(int code) {
+    return ((4 + (code & 3)) << (code >> 2)) / 4;
+}
+
+static int conemap__next_reach(int code) {
+    do ++code;
+    while (code < 8 && ((4 + (code & 3)) << (code >> 2)) % 4 != 0);
+    return code;
+}
+
+/* The table's cells along an axis. */
+static int conemap__table_size(int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? size : conemap__maxi(size - 1, 1);
+}
+
+/* The work of a preparation: planes of the table's size, mirrored into the quadrant in question. */
+typedef struct conemap__look {
+    const conemap_map *map;
+    const conemap__kernels *kernels;
+    uint64_t *table;
+    int w, h, flip_u, flip_v;
+    float *tops;           /* of the cells, as the record will hold them */
+    float *squares, *next; /* maxima over squares of cells from each cell on */
+    int side;              /* of the squares */
+    float *slopes;         /* the steepest seen so far */
+    int32_t *clear;        /* the code of the widest clear way found */
+    float *row;            /* 2 w */
+} conemap__look;
+
+/* The row `to`, beyond the table the last one or around it. */
+CONEMAP__INLINE int conemap__look_index(int to, int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? to % size : conemap__mini(to, size - 1);
+}
+
+/* look->row[x] and look->row[x + d] become the maxima over rows y and y + d of what squares has; returns d along u. */
+static int conemap__look_rows(const conemap__look *look, int y, int d) {
+    const conemap_info *info = &look->map->info;
+    size_t w = (size_t)look->w;
+    int du = info->wrap_u == CONEMAP_WRAP ? d % look->w : conemap__mini(d, look->w), x;
+    look->kernels->larger_row(look->squares + (size_t)y * w,
+                              look->squares + (size_t)conemap__look_index(y + d, look->h, info->wrap_v) * w, look->w,
+                              look->row);
+    for (x = 0; x < du; ++x)
+        look->row[look->w + x] = look->row[info->wrap_u == CONEMAP_WRAP ? x : look->w - 1];
+    return du;
+}
+
+/* Squares twice as wide. */
+static void conemap__look_double(conemap__look *look) {
+    float *swap = look->next;
+    int y;
+    for (y = 0; y < look->h; ++y) {
+        int du = conemap__look_rows(look, y, look->side);
+        look->kernels->larger_row(look->row, look->row + du, look->w, look->next + (size_t)y * (size_t)look->w);
+    }
+    look->next = look->squares;
+    look->squares = swap;
+    look->side *= 2;
+}
+
+static void conemap__look_quadrant(conemap__look *look, int quadrant) {
+    const conemap_map *map = look->map;
+    int w = look->w, h = look->h, x, y, code, next;
+    look->flip_u = quadrant & 1;
+    look->flip_v = quadrant >> 1;
+    look->side = 1;
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            float top = conemap__highest(conemap__gather(
+                map->heights, conemap__cell_quad(map, look->flip_u ? w - 1 - x : x, look->flip_v ? h - 1 - y : y)));
+            int level = (int)(top * 65536.0f);
+            look->squares[at] = top;
+            look->tops[at] = (float)(conemap__mini(level, 65535) + 1) / 65536.0f;
+            look->slopes[at] = 0.0f;
+            look->clear[at] = 0;
+        }
+    for (code = 0; conemap__reach(code) < conemap__maxi(w, h) && code < 63; code = next) {
+        int side;
+        next = conemap__next_reach(code);
+        side = conemap__reach(next);
+        while (2 * look->side < side) conemap__look_double(look);
+        for (y = 0; y < h; ++y) {
+            size_t at = (size_t)y * (size_t)w;
+            int du = conemap__look_rows(look, y, side - look->side);
+            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code), next, w,
+                                    look->slopes + at, look->clear + at);
+        }
+    }
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            uint64_t *record = &look->table[(size_t)(look->flip_v ? h - 1 - y : y) * (size_t)w +
+                                            (size_t)(look->flip_u ? w - 1 - x : x)];
+            /* rounded up: what it stands for is no less, by 2^-20 at least */
+            uint32_t bits = conemap__bits(look->slopes[at] * (1.0f + 1.0f / 524288.0f));
+            int slope = (int)((bits + 0x1fffffu) >> 21) - 4 * (127 - 15);
+            slope = conemap__maxi(0, conemap__mini(slope, 63));
+            if (quadrant == 0) *record = (uint64_t)(look->tops[at] * 65536.0f) - 1u;
+            *record |= (uint64_t)(unsigned)(slope | look->clear[at] << 6) << (16 + 12 * quadrant);
+        }
+}
+
+CONEMAP__DEF size_t conemap_prepare_memory(const conemap_map *map) {
+    size_t bytes = 0;
+    if (!map || !map->heights ||
+        !conemap__add_size(&bytes, (size_t)conemap__table_size(map->info.width, map->info.wrap_u) *
+                                       (size_t)conemap__table_size(map->info.height, map->info.wrap_v),
+                           sizeof(uint64_t)))
+        return 0;
+    return bytes;
+}
+
+CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
+                                            conemap_prepared *prepared) {
+    conemap_prepare_desc settings;
+    conemap__look look;
+    conemap_result result;
+    void *work = NULL;
+    size_t cells, bytes = 0;
+    int quadrant, owns_work = 0;
+    if (!prepared) return CONEMAP_ERROR_NULL;
+    memset(prepared, 0, sizeof *prepared);
+    if (!map || !map->heights) return CONEMAP_ERROR_NULL;
+    memset(&settings, 0, sizeof settings);
+    if (desc) settings = *desc;
+    if ((settings.allocator.allocate == NULL) != (settings.allocator.release == NULL)) return CONEMAP_ERROR_NULL;
+    if (!CONEMAP__KNOWN(settings.isa, CONEMAP_ISA_COUNT)) return CONEMAP_ERROR_ENUM;
+    if (!conemap__resolve_isa(&settings.isa)) return CONEMAP_ERROR_UNSUPPORTED;
+
+    memset(&look, 0, sizeof look);
+    look.map = map;
+    look.kernels = conemap__kernels_of(settings.isa);
+    look.w = conemap__table_size(map->info.width, map->info.wrap_u);
+    look.h = conemap__table_size(map->info.height, map->info.wrap_v);
+    cells = (size_t)look.w * (size_t)look.h;
+    prepared->memory_size = conemap_prepare_memory(map);
+    if (prepared->memory_size == 0 || !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
+        !conemap__add_size(&bytes, (size_t)look.w, 2 * sizeof(float))) {
+        memset(prepared, 0, sizeof *prepared);
+        return CONEMAP_ERROR_OVERFLOW;
+    }
+    prepared->map = map;
+    prepared->width = look.w;
+    prepared->height = look.h;
+    prepared->bytes_per_texel = (double)prepared->memory_size / (double)conemap__texels(map);
+    prepared->isa = settings.isa;
+    prepared->own.allocator = settings.allocator;
+    result = conemap__take(&settings.allocator, settings.memory, settings.memory_size, prepared->memory_size,
+                           &prepared->own.memory, &prepared->own.owns_memory);
+    if (result == CONEMAP_OK) result = conemap__take(&settings.allocator, NULL, 0, bytes, &work, &owns_work);
+    if (result == CONEMAP_OK) {
+        prepared->table = look.table = (uint64_t *)prepared->own.memory;
+        look.tops = (float *)work;
+        look.squares = look.tops + cells;
+        look.next = look.squares + cells;
+        look.slopes = look.next + cells;
+        look.clear = (int32_t *)(void *)(look.slopes + cells);
+        look.row = look.slopes + 2 * cells;
+        for (quadrant = 0; quadrant < 4; ++quadrant) conemap__look_quadrant(&look, quadrant);
+    }
+    conemap__release(&settings.allocator, work, owns_work);
+    if (result != CONEMAP_OK) conemap_free_prepared(prepared);
+    return result;
+}
+
+CONEMAP__DEF void conemap_free_prepared(conemap_prepared *prepared) {
+    if (!prepared) return;
+    conemap__release(&prepared->own.allocator, prepared->own.memory, prepared->own.owns_memory);
+    memset(prepared, 0, sizeof *prepared);
+}
+
+/* ---- the way in and out ---------------------------------------------------------------------------------------- */
+
+static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conemap_wrap wrap, int table_size,
+                                    int pitch, int texel_pitch) {
+    axis->size = (double)size;
+    axis->cells = (double)conemap__cell_count(size, wrap);
+    axis->first = (double)conemap__first_cell(wrap);
+    axis->low = wrap == CONEMAP_NOTHING ? 0.5 / (double)size : 0.0;
+    axis->wraps = wrap == CONEMAP_WRAP;
+    axis->period = axis->wraps ? (double)size : 0.0;
+    axis->per_period = axis->wraps ? 1.0 / (double)size : 0.0;
+    axis->last = (double)(table_size - 1);
+    axis->pitch = (double)pitch;
+    axis->last_texel = (double)(size - 1);
+    axis->texel_pitch = (double)texel_pitch;
+    axis->before = axis->wraps ? (double)(size - 1) : 0.0;
+    axis->after = axis->wraps ? 0.0 : (double)(size - 1);
+}
+
+static conemap_result conemap__fly_stream(const conemap_prepared *prepared, const conemap__stream *stream) {
+    const conemap_info *info = &prepared->map->info;
+    unsigned char room[(CONEMAP__SLOTS / CONEMAP__BLOCK + 1) * sizeof(conemap__block_of_rays) + 63];
+    conemap__flight f;
+    if (stream->count == 0) return CONEMAP_OK;
+    f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
+    f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
+    f.table = prepared->table;
+    f.heights = prepared->map->heights;
+    f.stream = *stream;
+    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width, 1, 1);
+    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height, prepared->width, info->width);
+    conemap__kernels_of(prepared->isa)->fly(&f);
+    return f.stream.result;
+}
+
+CONEMAP__DEF conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
+                                                   conemap_hit *hits, int count) {
+    conemap__stream stream;
+    if (!prepared || !prepared->table || ((!rays || !hits) && count != 0)) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&stream, 0, sizeof stream);
+    stream.rays = rays;
+    stream.hits = hits;
+    stream.count = count;
+    return conemap__fly_stream(prepared, &stream);
+}
+
+CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepared, const conemap_ray_arrays *rays,
+                                                 const conemap_hit_arrays *hits, int count) {
+    conemap__stream stream;
+    int k;
+    if (!prepared || !prepared->table || !rays || !hits) return CONEMAP_ERROR_NULL;
+    for (k = 0; k < 3; ++k)
+        if ((!rays->origin[k] || !rays->direction[k]) && count != 0) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&stream, 0, sizeof stream);
+    stream.ray_arrays = rays;
+    stream.hit_arrays = hits;
+    stream.count = count;
+    return conemap__fly_stream(prepared, &stream);
+}
+
+/* ======================================================================================================
    E M I T T E R
 
    Snippets are written in words that GLSL, HLSL and C share, one table entry each. A snippet needs every other one that
@@ -6741,12 +7520,12 @@ static const char conemap__trace_head[] =
     "    for (; !done && steps < $LIMIT; ++steps) {\n"
     "@move\n";
 
-static const char conemap__move[] =
+static const char conemap__move_text[] =
     "        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.\n"
     "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;\n"
     "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
 
-static const char conemap__surface[] = /* the height below the ray, and with `cones` the cone there */
+static const char conemap__surface_text[] = /* the height below the ray, and with `cones` the cone there */
     "?cones,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
     "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
@@ -7099,7 +7878,7 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
             ++text;
         }
         if (wanted && *text == '@') { /* a piece of several lines */
-            const char *part = text[1] == 'm' ? conemap__move : text[1] == 's' ? conemap__surface : conemap__cone_text;
+            const char *part = text[1] == 'm' ? conemap__move_text : text[1] == 's' ? conemap__surface_text : conemap__cone_text;
             conemap__lines(e, part, needs);
             while (*text && *text != '\n') ++text;
         } else if (wanted) {
@@ -8762,7 +9541,7 @@ static int conemap__limit_plane(const conemap__limb *limb, double *plane, double
 }
 
 /* Where a plane's lowest or highest corner on the inner pyramid lies. */
-static double conemap__reach(const float *plane, conemap__cone inner, int high) {
+static double conemap__cone_reach(const float *plane, conemap__cone inner, int high) {
     double y = conemap__corner_y(plane, inner, 0), other;
     int i;
     for (i = 1; i < 4; ++i) {
@@ -8805,7 +9584,7 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     f->tk = (float)tk;
     if (tk < 0.0 ||
         tk > 0.0) { /* past a joint of little shell the thickness would be negative: it ends at the cut instead */
-        double y = conemap__reach(tk < 0.0 ? f->upper : f->lower, conemap__cone_at(f, 0.0), tk < 0.0);
+        double y = conemap__cone_reach(tk < 0.0 ? f->upper : f->lower, conemap__cone_at(f, 0.0), tk < 0.0);
         if (t + tk * y < 0.0) {
             if (tk < 0.0)
                 tk = -t / y;
@@ -9369,8 +10148,8 @@ static void conemap__shell_bounds(conemap__shell *shell) {
     shell->span =
         ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
     if (f->tk < 0.0f || f->tk > 0.0f) {
-        double low = (double)f->t + (double)f->tk * conemap__reach(f->lower, outer, 0);
-        double high = (double)f->t + (double)f->tk * conemap__reach(f->upper, outer, 1);
+        double low = (double)f->t + (double)f->tk * conemap__cone_reach(f->lower, outer, 0);
+        double high = (double)f->t + (double)f->tk * conemap__cone_reach(f->upper, outer, 1);
         thickest = conemap__maxd(low, high);
         thinnest = conemap__mind(low, high);
     }
@@ -10158,14 +10937,14 @@ typedef struct conemap__lattice {
    that is up to the first positive root, or for ever if there is none. Nothing is lost to a bound on the curvature:
    the cone is not narrowed, the ray is bent. With b = 0 it is the cone step of [Dum06]. Between levels 1 / tan is
    blended, as conemap_build_levels proves. */
-typedef struct conemap__flight {
+typedef struct conemap__course {
     const conemap__scene *scene;
     conemap__lattice lattice[3];
     int lattices, cones, solid, wall; /* wall: the axis, 1 u or 2 v, whose border was crossed last on entering solid */
     double z0, z1, z2, highest, speed;
     double t, t_end, t_start; /* t counts from t_start, the caller's from 0 */
     conemap_status end_status;
-} conemap__flight;
+} conemap__course;
 
 /* c + b x + a x^2 */
 typedef struct conemap__quadratic {
@@ -10248,7 +11027,7 @@ static int conemap__narrow(double o, double v, double low, double high, int axis
 /* Sets a flight up; 0 if it never comes over the surface. z: height at t = 0, its growth, and the bend. t_max 0:
    none. */
 static int conemap__take_off(const conemap__scene *scene, const double o[2], const double v[2], const double z[3],
-                             double t_min, double t_max, conemap__flight *f) {
+                             double t_min, double t_max, conemap__course *f) {
     const conemap_info *info = &scene->map[0]->info;
     double t0 = t_min, t1 = t_max == 0.0 || t_max > (double)CONEMAP__FAR ? CONEMAP__EVER : t_max, leave, reach, at[2];
     int k, relaxed = 0;
@@ -10302,7 +11081,7 @@ CONEMAP__INLINE double conemap__border(double p, double v, int cell) {
 }
 
 /* Until when the flight stays in its present cells. */
-static double conemap__stay(conemap__flight *f) {
+static double conemap__stay(conemap__course *f) {
     double end = CONEMAP__EVER;
     int k;
     for (k = 0; k < f->lattices; ++k) {
@@ -10325,7 +11104,7 @@ CONEMAP__INLINE int conemap__onward(double p, double v, double t, double leave, 
 }
 
 /* Moves to t, which is `end` or later. */
-static void conemap__fly_on(conemap__flight *f, double t, double end) {
+static void conemap__fly_on(conemap__course *f, double t, double end) {
     int k, jump = t > end;
     for (k = 0; k < f->lattices; ++k) {
         conemap__lattice *l = &f->lattice[k];
@@ -10337,7 +11116,7 @@ static void conemap__fly_on(conemap__flight *f, double t, double end) {
 }
 
 /* Is the flight over a hole? */
-static int conemap__over_hole(const conemap__flight *f) {
+static int conemap__over_hole(const conemap__course *f) {
     const conemap__scene *scene = f->scene;
     const conemap__lattice *l = &f->lattice[scene->maps];
     const conemap_info *info = &scene->map[0]->info;
@@ -10350,7 +11129,7 @@ static int conemap__over_hole(const conemap__flight *f) {
 
 /* The surface's height under the flight from now on, in the present cells; and the cones' tangent here, if asked
    for. */
-static conemap__quadratic conemap__ground(const conemap__flight *f, double *tangent) {
+static conemap__quadratic conemap__ground(const conemap__course *f, double *tangent) {
     conemap__quadratic sum = {0.0, 0.0, 0.0};
     double steepness = 0.0;
     int k, closed = 0;
@@ -10378,12 +11157,12 @@ static conemap__quadratic conemap__ground(const conemap__flight *f, double *tang
     return sum;
 }
 
-CONEMAP__INLINE double conemap__flight_z(const conemap__flight *f, double t) { return f->z0 + (f->z1 + f->z2 * t) * t; }
-CONEMAP__INLINE double conemap__flight_rise(const conemap__flight *f, double t) { return f->z1 + 2.0 * f->z2 * t; }
+CONEMAP__INLINE double conemap__flight_z(const conemap__course *f, double t) { return f->z0 + (f->z1 + f->z2 * t) * t; }
+CONEMAP__INLINE double conemap__flight_rise(const conemap__course *f, double t) { return f->z1 + 2.0 * f->z2 * t; }
 
 /* How far the flight may go on from here without meeting anything: down to the highest texel, or to the end of the
    cone. `gap` over the surface. 0: no farther than the cell. */
-static double conemap__free_way(const conemap__flight *f, double gap, double tangent) {
+static double conemap__free_way(const conemap__course *f, double gap, double tangent) {
     double z = conemap__flight_z(f, f->t), rise = conemap__flight_rise(f, f->t);
     conemap__quadratic room;
     room.a = f->z2;
@@ -10399,7 +11178,7 @@ static double conemap__free_way(const conemap__flight *f, double gap, double tan
 }
 
 /* Follows the flight to its first meeting. Returns how it ends; f->t is then where, f->solid whether inside. */
-static conemap_status conemap__fly(conemap__flight *f, int max_steps, int *steps) {
+static conemap_status conemap__fly(conemap__course *f, int max_steps, int *steps) {
     int was_hole = 1; /* what is met at once is met from outside */
     for (*steps = 1;; ++*steps) {
         double end = conemap__stay(f), next, tangent = 0.0, gap;
@@ -10447,7 +11226,7 @@ static conemap_status conemap__fly(conemap__flight *f, int max_steps, int *steps
    it goes on: what was passed below the lower flight is below the higher one. At `high` there is nothing left to
    learn, nor where the highest texel could raise the horizon by `grain` at most: on maps that wrap peaks of one
    height never end. */
-static double conemap__horizon(conemap__flight *f, double low, double high, double grain) {
+static double conemap__horizon(conemap__course *f, double low, double high, double grain) {
     f->z1 = low;
     for (;;) {
         double end = conemap__stay(f), next, tangent = 0.0, gap;
@@ -10505,7 +11284,7 @@ typedef struct conemap__place_of {
 } conemap__place_of;
 
 /* Starts a flight from a place towards a direction of the world. Returns the flight's z1. */
-static double conemap__look(const conemap__place_of *place, const float direction[3], double t_max, conemap__flight *f,
+static double conemap__look_along(const conemap__place_of *place, const float direction[3], double t_max, conemap__course *f,
                             int *meets) {
     double o[2], v[2], z[3];
     float d[3];
@@ -10532,11 +11311,11 @@ typedef struct conemap__disc {
 static double conemap__disc_horizon(const conemap__place_of *place, const conemap__disc *disc, double y) {
     double rise, down, s, x, r = (double)disc->radius, lift = (double)disc->lift, above = (double)disc->above;
     double height = (double)disc->height;
-    conemap__flight f;
+    conemap__course f;
     float direction[3];
     int meets;
     conemap__add_along(disc->light, (float)y * disc->radius, disc->side, direction);
-    rise = conemap__look(place, direction, (double)disc->t_max, &f, &meets);
+    rise = conemap__look_along(place, direction, (double)disc->t_max, &f, &meets);
     if (!meets) return -1.0;
     down = r / ((lift + r * above) * height);
     s = (conemap__horizon(&f, rise - down, rise + r / ((lift - r * above) * height), down / 1024.0) - rise) * height;
@@ -10610,14 +11389,14 @@ static float conemap__sky(const conemap__place_of *place, const float normal[3],
         double angle = 6.283185307179586 * ((double)k + 0.5) / (double)directions, across, rise, slope, least;
         double zenith = (double)conemap__dot(normal, up);
         float direction[3];
-        conemap__flight f;
+        conemap__course f;
         int meets;
         for (c = 0; c < 3; ++c) direction[c] = (float)cos(angle) * east[c] + (float)sin(angle) * north[c];
         across = (double)conemap__dot(normal, direction);
         /* the surface's own plane hides what is behind it */
         least = zenith > 1e-4 ? -across / zenith : across > 0.0 ? -1e4 : 1e4;
         slope = least < -1e4 ? -1e4 : least > 1e4 ? 1e4 : least;
-        rise = conemap__look(place, direction, (double)reach, &f, &meets);
+        rise = conemap__look_along(place, direction, (double)reach, &f, &meets);
         if (meets)
             slope = (conemap__horizon(&f, rise + slope / (double)height, rise + 1e4 / (double)height,
                                       1.0 / (1024.0 * (double)height)) -
@@ -10867,7 +11646,7 @@ static void conemap__put_hit(const conemap_ray *ray, double t, conemap_hit *hit)
 static void conemap__fly_ray(conemap__view *view, double from, int max_steps, conemap_hit *hit) {
     const conemap_ray *r = &view->box;
     double o[2], v[2], z[3], longest = 0.0;
-    conemap__flight f;
+    conemap__course f;
     int k;
     for (k = 0; k < 3; ++k) {
         double size = (double)conemap__magnitude(r->direction[k]);
@@ -10928,7 +11707,7 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
 static int conemap__in_hole(const conemap__scene *scene, const conemap_hit *hit) {
     const conemap_info *info = &scene->map[0]->info;
     double at[2], still[2] = {0.0, 0.0};
-    conemap__flight f;
+    conemap__course f;
     at[0] = (double)hit->u;
     at[1] = (double)hit->v;
     f.scene = scene;
@@ -11131,9 +11910,9 @@ static void conemap__shade_shadows(const conemap_map *map, const conemap_effects
             float radius = e->light_is_point ? e->light_radius / distance : e->light_radius;
             shadings[k].shadow = conemap__soft_shadow(place, light, conemap__min(radius, 1.0f), distance);
         } else if (!plain) {
-            conemap__flight f;
+            conemap__course f;
             int meets, steps;
-            conemap__look(place, light, (double)distance, &f, &meets);
+            conemap__look_along(place, light, (double)distance, &f, &meets);
             shadings[k].shadow = meets && conemap__fly(&f, 0, &steps) == CONEMAP_HIT ? 0.0f : 1.0f;
         } else {
             conemap_ray *ray = &rays[n];
@@ -11247,6 +12026,7 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__DEF
 #undef CONEMAP__INLINE
 #undef CONEMAP__UNUSED
+#undef CONEMAP__PREFETCH
 #undef CONEMAP__FAR
 #undef CONEMAP__HASH_START
 #undef CONEMAP__STRIP_LEVELS
@@ -11278,6 +12058,13 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__FLIGHT_REACH
 #undef CONEMAP__CHUNK
 #undef CONEMAP__KERNEL_LIST
+#undef CONEMAP__MET
+#undef CONEMAP__EMPTY
+#undef CONEMAP__GONE
+#undef CONEMAP__CLOSE
+#undef CONEMAP__FLYING
+#undef CONEMAP__SLOTS
+#undef CONEMAP__BLOCK
 #undef CONEMAP__ATTRIBUTE
 #undef CONEMAP__X86
 #undef CONEMAP__ARM
@@ -11941,6 +12728,494 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, cone
         CONEMAP__KERNEL(search_all)(map, search, tile, 1);
 }
 
+/* ---- the prepared tracer: see P R E P A R A T I O N ---------------------------------------------------------- */
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(larger_row)(const float *a, const float *b, int count, float *out) {
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES)
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__MAX(CONEMAP__KERNEL(load)(a + x, count - x),
+                                                     CONEMAP__KERNEL(load)(b + x, count - x)), count - x);
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(rise_row)(const float *squares, int shift, const float *tops, float per_reach,
+                                                 int32_t code, int count, float *slopes, int32_t *clear) {
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(load)(squares + x, count - x),
+                                          CONEMAP__KERNEL(load)(squares + shift + x, count - x));
+        CONEMAP__F rise = CONEMAP__SUB(highest, CONEMAP__KERNEL(load)(tops + x, count - x));
+        CONEMAP__F slope = CONEMAP__MAX(CONEMAP__KERNEL(load)(slopes + x, count - x),
+                                        CONEMAP__MUL(rise, CONEMAP__F1(per_reach)));
+        CONEMAP__F known = CONEMAP__KERNEL(load)((const float *)(const void *)(clear + x), count - x);
+        CONEMAP__M is_clear = CONEMAP__LE(rise, CONEMAP__F1(0.0f));
+        CONEMAP__KERNEL(store)(slopes + x, slope, count - x);
+        known = CONEMAP__PICK(is_clear, CONEMAP__BITSF(CONEMAP__I1(code)), known);
+        CONEMAP__KERNEL(store)((float *)(void *)(clear + x), known, count - x);
+    }
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(clamp01)(CONEMAP__D x) {
+    return CONEMAP__MAXD(CONEMAP__MIND(x, CONEMAP__D1(1.0)), CONEMAP__D1(0.0));
+}
+
+/* A cell's number within the map's period. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(repeated)(const conemap__flight_axis *axis, CONEMAP__D cell) {
+    if (axis->period == 0.0) return cell;
+    return CONEMAP__SUBD(cell, CONEMAP__MULD(CONEMAP__D1(axis->period),
+                                             CONEMAP__WHOLE(CONEMAP__MULD(CONEMAP__ADDD(cell, CONEMAP__D1(0.5)),
+                                                                          CONEMAP__D1(axis->per_period)))));
+}
+
+/* What is added to the table's first index for a cell along an axis. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(table_step)(const conemap__flight_axis *axis,
+                                                       const conemap__way *way, int at,
+                                                       CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__D1(axis->first));
+    number = CONEMAP__MIND(CONEMAP__MAXD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->last));
+    return CONEMAP__MULD(number, CONEMAP__MULD(CONEMAP__LOADD(way->sign + at), CONEMAP__D1(axis->pitch)));
+}
+
+/* When the ray comes to the far border of its cell. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(leave)(const conemap__way *way, int at, CONEMAP__D cell) {
+    return CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), CONEMAP__LOADD(way->per_v + at)),
+                         CONEMAP__LOADD(way->border + at));
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(position)(const conemap__way *way, int at, CONEMAP__D t) {
+    return CONEMAP__ADDD(CONEMAP__LOADD(way->p + at), CONEMAP__MULD(CONEMAP__LOADD(way->v + at), t));
+}
+
+/* The cell at time t, not before the border at `leave`: one farther at least where that was reached. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(advance)(const conemap__way *way, int at, CONEMAP__D cell,
+                                                    CONEMAP__D leave, CONEMAP__D t) {
+    CONEMAP__D next = CONEMAP__PICKD(CONEMAP__LED(leave, t), CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), cell);
+    return CONEMAP__MAXD(CONEMAP__WHOLE(CONEMAP__KERNEL(position)(way, at, t)), next);
+}
+
+CONEMAP__HELPER void CONEMAP__KERNEL(fetch)(const void *base, size_t size, const int32_t *index) {
+    const unsigned char *bytes = (const unsigned char *)base;
+    int k;
+    if (CONEMAP__DLANES == 8) { /* no loop, which the compiler may leave one */
+        CONEMAP__PREFETCH(bytes + (size_t)index[0] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[1] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[2] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[3] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[4] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[5] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[6] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[7] * size);
+    } else {
+        for (k = 0; k < CONEMAP__DLANES; ++k) CONEMAP__PREFETCH(bytes + (size_t)index[k] * size);
+    }
+}
+
+/* Notes where the records of the lanes' cells are, and has them fetched while other groups take their turns. */
+CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__block_of_rays *rays, int at, CONEMAP__D i,
+                                          CONEMAP__D j) {
+    CONEMAP__STOREN(rays->record + at,
+                    CONEMAP__ADDD(CONEMAP__LOADD(rays->table_start + at),
+                                  CONEMAP__ADDD(CONEMAP__KERNEL(table_step)(&f->axis[0], &rays->way[0], at, i),
+                                                CONEMAP__KERNEL(table_step)(&f->axis[1], &rays->way[1], at, j))));
+    CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at);
+}
+
+/* The two texels of a cell along an axis, as numbers. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
+                                                       const double *lower, CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower));
+    number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
+    return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
+                                                      const double *lower, CONEMAP__D cell) {
+    CONEMAP__D number = CONEMAP__ADDD(
+        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower)), CONEMAP__D1(1.0));
+    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
+}
+
+/* The same for the heights of the cells. */
+CONEMAP__HELPER void CONEMAP__KERNEL(aim_close)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
+    CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
+    CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
+    CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
+    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
+    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
+    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
+    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
+    CONEMAP__STOREN(rays->corner[0] + at, CONEMAP__ADDD(j0, i0));
+    CONEMAP__STOREN(rays->corner[1] + at, CONEMAP__ADDD(j0, i1));
+    CONEMAP__STOREN(rays->corner[2] + at, CONEMAP__ADDD(j1, i0));
+    CONEMAP__STOREN(rays->corner[3] + at, CONEMAP__ADDD(j1, i1));
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[0] + at);
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[2] + at);
+}
+
+/* One step by the table for every flying lane of the group at slot `at`; returns the lanes that fly on. */
+CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
+    CONEMAP__D vz = CONEMAP__LOADD(rays->vz + at), state = CONEMAP__LOADD(rays->state + at);
+    CONEMAP__D major = CONEMAP__LOADD(rays->major + at);
+    CONEMAP__L record = CONEMAP__GATHERL(f->table, rays->record + at);
+    CONEMAP__L quadrant = CONEMAP__LSHRL(record, CONEMAP__LOADL(rays->shift + at));
+    /* top + 2^52 as a double's bits; slope and clear way have a double's exponent and two bits of its fraction */
+    CONEMAP__D top = CONEMAP__MULD(
+        CONEMAP__SUBD(CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(record, CONEMAP__L1(65535u)),
+                                                   CONEMAP__L1(UINT64_C(0x4330000000000000)))),
+                      CONEMAP__D1(4503599627370495.0)),
+        CONEMAP__D1(1.0 / 65536.0));
+    CONEMAP__D slope = CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LSHL(CONEMAP__LAND(quadrant, CONEMAP__L1(63u)), 50),
+                                                    CONEMAP__L1(UINT64_C(1008) << 52)));
+    CONEMAP__D clear = CONEMAP__SUBD(
+        CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(CONEMAP__LSHL(quadrant, 44), CONEMAP__L1(UINT64_C(63) << 50)),
+                                     CONEMAP__L1(UINT64_C(1023) << 52))),
+        CONEMAP__D1(1.0));
+    CONEMAP__D gap = CONEMAP__SUBD(CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)), top);
+    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
+    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t);
+    CONEMAP__D sink = CONEMAP__ADDD(t, CONEMAP__MULD(gap, CONEMAP__LOADD(rays->sink + at)));
+    CONEMAP__D cone = CONEMAP__ADDD(
+        t, CONEMAP__DIVD(CONEMAP__MAXD(CONEMAP__SUBD(gap, slope), CONEMAP__D1(0.0)),
+                         CONEMAP__MAXD(CONEMAP__SUBD(CONEMAP__MULD(major, slope), vz), CONEMAP__D1(1e-290))));
+    CONEMAP__D level = CONEMAP__ADDD(t, CONEMAP__MULD(clear, CONEMAP__LOADD(rays->per_major + at)));
+    CONEMAP__D stop = CONEMAP__MAXD(cone, CONEMAP__MIND(CONEMAP__MAXD(level, leave), sink));
+    CONEMAP__W flies = CONEMAP__LTD(state, CONEMAP__D1(0.5));
+    CONEMAP__W passes = CONEMAP__ANDW(flies, CONEMAP__ANDW(CONEMAP__LED(leave, stop),
+                                                           CONEMAP__LTD(CONEMAP__D1(0.0), gap)));
+    CONEMAP__W goes = CONEMAP__ANDW(passes, CONEMAP__LED(t_end, stop));
+    stop = CONEMAP__MIND(stop, t_end);
+    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
+                                                 CONEMAP__PICKD(flies, CONEMAP__D1(1.0), CONEMAP__D1(0.0))));
+    i = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i);
+    j = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j);
+    CONEMAP__KERNEL(aim)(f, rays, at, i, j);
+    CONEMAP__STORED(rays->cell[0] + at, i);
+    CONEMAP__STORED(rays->cell[1] + at, j);
+    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(passes, stop, t));
+    flies = CONEMAP__ANDNOTW(flies, passes);
+    state = CONEMAP__PICKD(flies, CONEMAP__D1(CONEMAP__CLOSE), state);
+    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(goes, CONEMAP__D1(CONEMAP__GONE), state));
+    return CONEMAP__BITSW(CONEMAP__ANDNOTW(passes, goes));
+}
+
+/* Meets every close lane with the patch of its cell, as conemap__walk_hit does; lanes that do not hit fly on. */
+CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    conemap__way *u = &rays->way[0], *v = &rays->way[1];
+    const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(1e300);
+    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
+    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
+    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz + at);
+    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+    CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, rays->corner[0] + at);
+    CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, rays->corner[1] + at);
+    CONEMAP__D h01 = CONEMAP__GATHERFD(f->heights, rays->corner[2] + at);
+    CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, rays->corner[3] + at);
+    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
+    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t), end = CONEMAP__MIND(leave, t_end);
+    CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
+    CONEMAP__D y = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, t), j));
+    CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
+    CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
+    CONEMAP__D hx = CONEMAP__SUBD(h10, h00), hy = CONEMAP__SUBD(h01, h00);
+    CONEMAP__D hxy = CONEMAP__SUBD(CONEMAP__SUBD(h11, h01), hx);
+    CONEMAP__D z = CONEMAP__PICKD(CONEMAP__LED(t_end, t), CONEMAP__LOADD(rays->z_end + at),
+                                  CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)));
+    CONEMAP__D c = CONEMAP__SUBD(
+        z, CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x)), CONEMAP__MULD(hy, y)),
+                         CONEMAP__MULD(hxy, CONEMAP__MULD(x, y))));
+    CONEMAP__D b = CONEMAP__SUBD(
+        vz, CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(hx, vx), CONEMAP__MULD(hy, vy)),
+                          CONEMAP__MULD(hxy, CONEMAP__ADDD(CONEMAP__MULD(x, vy), CONEMAP__MULD(y, vx)))));
+    CONEMAP__D a = CONEMAP__SUBD(zero, CONEMAP__MULD(hxy, CONEMAP__MULD(vx, vy)));
+    CONEMAP__D discriminant = CONEMAP__SUBD(CONEMAP__MULD(b, b), CONEMAP__MULD(CONEMAP__MULD(CONEMAP__D1(4.0), a), c));
+    CONEMAP__D root = CONEMAP__SQRTD(CONEMAP__MAXD(discriminant, zero));
+    CONEMAP__D q = CONEMAP__MULD(CONEMAP__D1(-0.5),
+                                 CONEMAP__ADDD(b, CONEMAP__PICKD(CONEMAP__LTD(b, zero),
+                                                                 CONEMAP__SUBD(zero, root), root)));
+    CONEMAP__W no_q = CONEMAP__ANDW(CONEMAP__LED(q, zero), CONEMAP__LED(zero, q));
+    CONEMAP__W no_a = CONEMAP__ANDW(CONEMAP__LED(a, zero), CONEMAP__LED(zero, a));
+    CONEMAP__D first = CONEMAP__PICKD(no_q, never, CONEMAP__DIVD(c, CONEMAP__PICKD(no_q, never, q)));
+    CONEMAP__D second = CONEMAP__PICKD(no_a, never, CONEMAP__DIVD(q, CONEMAP__PICKD(no_a, never, a)));
+    CONEMAP__D way = CONEMAP__SUBD(end, t), low, high;
+    CONEMAP__W meets, inside, ends = CONEMAP__LED(t_end, leave), close;
+    first = CONEMAP__PICKD(CONEMAP__LTD(first, zero), never, first);
+    first = CONEMAP__PICKD(CONEMAP__LED(zero, second), CONEMAP__MIND(second, first), first);
+    meets = CONEMAP__ANDW(CONEMAP__LED(zero, discriminant), CONEMAP__LED(first, way));
+    /* On the ray's end the height is exact, which the quadratic's is not. */
+    low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
+    high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
+    low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
+    first = CONEMAP__PICKD(meets, first, way);
+    meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    inside = CONEMAP__LED(c, zero);
+    first = CONEMAP__PICKD(inside, zero, first);
+    meets = CONEMAP__ORW(meets, inside);
+    close = CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state), CONEMAP__LTD(CONEMAP__D1(1.5), state));
+    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
+                                                 CONEMAP__PICKD(close, CONEMAP__D1(1.0), zero)));
+    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__PICKD(meets, CONEMAP__ADDD(t, first), end), t));
+    meets = CONEMAP__ANDW(close, meets);
+    close = CONEMAP__ANDNOTW(close, meets);
+    i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i);
+    j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j);
+    CONEMAP__KERNEL(aim)(f, rays, at, i, j);
+    CONEMAP__STORED(rays->cell[0] + at, i);
+    CONEMAP__STORED(rays->cell[1] + at, j);
+    state = CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__MET), state);
+    ends = CONEMAP__ANDW(close, ends);
+    close = CONEMAP__ANDNOTW(close, ends);
+    state = CONEMAP__PICKD(ends, CONEMAP__D1(CONEMAP__GONE), state);
+    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(close, CONEMAP__D1(CONEMAP__FLYING), state));
+}
+
+/* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends it. */
+CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(clip)(CONEMAP__D o, CONEMAP__D v, double low, double high, CONEMAP__D *t0,
+                                                 CONEMAP__D *t1) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    CONEMAP__W back = CONEMAP__LTD(v, zero), still = CONEMAP__ANDW(CONEMAP__LED(v, zero), CONEMAP__LED(zero, v));
+    CONEMAP__W outside = CONEMAP__ORW(CONEMAP__LTD(o, CONEMAP__D1(low)), CONEMAP__LTD(CONEMAP__D1(high), o)), ends;
+    /* Divided, not multiplied by an inverse: a ray through a corner leaves the one slab when it enters the other. */
+    CONEMAP__D speed = CONEMAP__PICKD(still, CONEMAP__D1(1.0), v);
+    CONEMAP__D a = CONEMAP__DIVD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(high), CONEMAP__D1(low)), o), speed);
+    CONEMAP__D b = CONEMAP__DIVD(CONEMAP__SUBD(CONEMAP__PICKD(back, CONEMAP__D1(low), CONEMAP__D1(high)), o), speed);
+    /* a ray beside the slab that does not move towards it: t1 before any t0 */
+    b = CONEMAP__PICKD(still, CONEMAP__PICKD(outside, CONEMAP__D1(-1.0), never), b);
+    a = CONEMAP__PICKD(still, zero, a);
+    *t0 = CONEMAP__MAXD(a, *t0);
+    ends = CONEMAP__LTD(b, *t1);
+    *t1 = CONEMAP__PICKD(ends, b, *t1);
+    return ends;
+}
+
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(inverse)(CONEMAP__D v) {
+    CONEMAP__W still = CONEMAP__ANDW(CONEMAP__LED(v, CONEMAP__D1(0.0)), CONEMAP__LED(CONEMAP__D1(0.0), v));
+    return CONEMAP__PICKD(still, CONEMAP__D1(0.0), CONEMAP__DIVD(CONEMAP__D1(1.0),
+                                                                 CONEMAP__PICKD(still, CONEMAP__D1(1.0), v)));
+}
+
+/* Puts the rays on their way along an axis, as conemap__enter_axis, mirrored; returns the lanes that are. */
+CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axis *axis, conemap__way *way,
+                                                       double *to_cell, double *lower, CONEMAP__D position, CONEMAP__D v, CONEMAP__D per_v,
+                                                       CONEMAP__W meets) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0);
+    CONEMAP__W flip = CONEMAP__LTD(v, zero), moves = CONEMAP__ORW(flip, CONEMAP__LTD(zero, v));
+    CONEMAP__D cells = CONEMAP__D1(axis->cells), first = CONEMAP__D1(axis->first), x, cell, place, p;
+    position = CONEMAP__PICKD(meets, position, zero);
+    if (axis->wraps) {
+        CONEMAP__W far = CONEMAP__ORW(CONEMAP__LED(CONEMAP__D1(4503599627370496.0), position),
+                                      CONEMAP__LED(position, CONEMAP__D1(-4503599627370496.0)));
+        position = CONEMAP__PICKD(far, zero, position);
+        position = CONEMAP__SUBD(position, CONEMAP__FLOORD(position));
+    } else {
+        position = CONEMAP__KERNEL(clamp01)(position);
+    }
+    x = CONEMAP__SUBD(CONEMAP__MULD(position, CONEMAP__D1(axis->size)), CONEMAP__D1(0.5));
+    cell = CONEMAP__FLOORD(x);
+    place = CONEMAP__ADDD(cell, first);
+    if (!axis->wraps)
+        cell = CONEMAP__SUBD(CONEMAP__MAXD(CONEMAP__MIND(place, CONEMAP__SUBD(cells, one)), zero), first);
+    place = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(x, cell));
+    cell = CONEMAP__ADDD(cell, first);
+    cell = CONEMAP__PICKD(CONEMAP__LTD(cell, zero), CONEMAP__ADDD(cell, cells), cell); /* across the seam */
+    p = CONEMAP__ADDD(cell, place);
+    p = CONEMAP__PICKD(flip, CONEMAP__SUBD(cells, p), p);
+    cell = CONEMAP__PICKD(flip, CONEMAP__SUBD(CONEMAP__SUBD(cells, one), cell), cell);
+    v = CONEMAP__MULD(v, CONEMAP__D1(axis->size));
+    per_v = CONEMAP__MULD(per_v, CONEMAP__D1(1.0 / axis->size));
+    v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, v), v);
+    per_v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, per_v), per_v);
+    CONEMAP__STORED(to_cell, cell);
+    CONEMAP__STORED(way->p, p);
+    CONEMAP__STORED(way->v, CONEMAP__PICKD(meets, v, zero));
+    CONEMAP__STORED(way->per_v, CONEMAP__PICKD(meets, per_v, zero));
+    CONEMAP__STORED(way->border, CONEMAP__PICKD(CONEMAP__ANDW(moves, meets),
+                                                CONEMAP__SUBD(zero, CONEMAP__MULD(p, per_v)),
+                                                CONEMAP__D1(CONEMAP__NEVER)));
+    CONEMAP__STORED(way->sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
+    CONEMAP__STORED(lower, axis->wraps ? CONEMAP__PICKD(flip, one, zero) : first);
+    return flip;
+}
+
+/* Boards the next rays of the stream, as conemap__enter does one, into the waiting block; invalid ones are answered. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    conemap__block_of_rays *rays = f->waiting;
+    conemap__stream *stream = &f->stream;
+    float columns[8][CONEMAP__DLANES] = {{0}};
+    CONEMAP__D o[3], v[3], per_v[3], longest, power, t_min, t0, t1, box0, box1, status, z_out, reach, major;
+    CONEMAP__W ends, meets, in_box, flip_u, flip_v;
+    int lanes = 0, k;
+    while (lanes < CONEMAP__DLANES && stream->next < stream->count) {
+        conemap_ray ray;
+        int number = stream->next;
+        if (conemap__stream_ray(stream, &ray) != CONEMAP_OK) continue;
+        for (k = 0; k < 3; ++k) {
+            columns[k][lanes] = ray.origin[k];
+            columns[3 + k][lanes] = ray.direction[k];
+        }
+        columns[6][lanes] = ray.t_min;
+        columns[7][lanes] = conemap__finite(ray.t_max) ? ray.t_max : 0.0f;
+        rays->number[lanes] = (double)number;
+        ++lanes;
+    }
+    f->waiting_next = 0;
+    f->waiting_count = lanes;
+    if (lanes == 0) return;
+    for (k = lanes; k < CONEMAP__DLANES; ++k) columns[5][k] = 1.0f; /* a direction */
+
+    longest = CONEMAP__D1(1e-300);
+    for (k = 0; k < 3; ++k) {
+        o[k] = CONEMAP__LOADFD(columns[k]);
+        v[k] = CONEMAP__LOADFD(columns[3 + k]);
+        longest = CONEMAP__MAXD(longest, CONEMAP__MAXD(v[k], CONEMAP__SUBD(zero, v[k])));
+    }
+    /* the power of two that brings it to 1..2, as conemap__normalising_power */
+    power = CONEMAP__BITSD(CONEMAP__LSUB(CONEMAP__L1(UINT64_C(2046) << 52),
+                                         CONEMAP__LAND(CONEMAP__BITSL(longest), CONEMAP__L1(UINT64_C(2047) << 52))));
+    for (k = 0; k < 3; ++k) {
+        v[k] = CONEMAP__MULD(v[k], power);
+        v[k] = CONEMAP__PICKD(CONEMAP__ANDW(CONEMAP__LTD(v[k], CONEMAP__D1(1e-30)),
+                                            CONEMAP__LTD(CONEMAP__D1(-1e-30), v[k])), zero, v[k]);
+        per_v[k] = CONEMAP__KERNEL(inverse)(v[k]);
+    }
+    t_min = CONEMAP__DIVD(CONEMAP__LOADFD(columns[6]), power);
+    t1 = CONEMAP__LOADFD(columns[7]);
+    box0 = t_min;
+    box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__DIVD(t1, power));
+
+    /* The unit box says how a ray that meets nothing ends. */
+    ends = CONEMAP__KERNEL(clip)(o[2], v[2], 0.0, 1.0, &box0, &box1);
+    z_out = CONEMAP__PICKD(ends, one, zero);
+    status = CONEMAP__PICKD(ends, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__D1((double)CONEMAP_FLOOR),
+                                                 CONEMAP__D1((double)CONEMAP_LEFT)),
+                            CONEMAP__D1((double)CONEMAP_T_MAX));
+    for (k = 0; k < 2; ++k) {
+        if (f->axis[k].wraps) continue;
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], 0.0, 1.0, &box0, &box1);
+        z_out = CONEMAP__PICKD(ends, zero, z_out);
+        status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_LEFT), status);
+    }
+    in_box = CONEMAP__LED(box0, box1);
+    t0 = box0;
+    t1 = box1;
+    for (k = 0; k < 2; ++k) {
+        if (f->axis[k].low == 0.0) continue;
+        ends = CONEMAP__KERNEL(clip)(o[k], v[k], f->axis[k].low, 1.0 - f->axis[k].low, &t0, &t1);
+        z_out = CONEMAP__PICKD(ends, zero, z_out);
+    }
+    meets = CONEMAP__ANDW(in_box, CONEMAP__LED(t0, t1));
+    status = CONEMAP__PICKD(in_box, status, CONEMAP__D1((double)CONEMAP_LEFT));
+    box1 = CONEMAP__PICKD(in_box, box1, t_min);
+    /* Past its reach a wrapping ray is given up. */
+    reach = CONEMAP__DIVD(
+        CONEMAP__D1(CONEMAP__REACH),
+        CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__MAXD(v[0], CONEMAP__SUBD(zero, v[0])),
+                                                  CONEMAP__D1(f->axis[0].size)),
+                                    CONEMAP__MULD(CONEMAP__MAXD(v[1], CONEMAP__SUBD(zero, v[1])),
+                                                  CONEMAP__D1(f->axis[1].size))),
+                      CONEMAP__D1(1e-30)));
+    ends = CONEMAP__ANDW(meets, CONEMAP__LTD(reach, CONEMAP__SUBD(t1, t0)));
+    t1 = CONEMAP__PICKD(ends, CONEMAP__ADDD(t0, reach), t1);
+    box1 = CONEMAP__PICKD(ends, t1, box1);
+    z_out = CONEMAP__PICKD(ends, zero, z_out);
+    status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_STEP_CAP), status);
+
+    flip_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], rays->cell[0], rays->lower[0],
+                                         CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0],
+                                         per_v[0], meets);
+    flip_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], rays->cell[1], rays->lower[1],
+                                         CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1],
+                                         per_v[1], meets);
+    major = CONEMAP__MAXD(CONEMAP__LOADD(rays->way[0].v), CONEMAP__LOADD(rays->way[1].v));
+    CONEMAP__STORED(rays->major, major);
+    CONEMAP__STORED(rays->per_major, CONEMAP__PICKD(CONEMAP__LED(major, zero), CONEMAP__D1(1e290),
+                                                    CONEMAP__KERNEL(inverse)(major)));
+    CONEMAP__STORED(rays->z, CONEMAP__PICKD(
+        meets, CONEMAP__KERNEL(clamp01)(CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t0))), zero));
+    CONEMAP__STORED(rays->vz, v[2]);
+    /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
+    CONEMAP__STORED(rays->z_end, CONEMAP__PICKD(
+        CONEMAP__LTD(zero, z_out), CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), zero, one),
+        CONEMAP__KERNEL(clamp01)(CONEMAP__PICKD(meets, CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t1)), zero))));
+    CONEMAP__STORED(rays->sink, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__SUBD(zero, per_v[2]),
+                                               CONEMAP__D1(1e290)));
+    CONEMAP__STORED(rays->t, zero);
+    CONEMAP__STORED(rays->t_end, CONEMAP__PICKD(meets, CONEMAP__SUBD(t1, t0), zero));
+    CONEMAP__STORED(rays->steps, zero);
+    CONEMAP__STORED(rays->state, CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__FLYING), CONEMAP__D1(CONEMAP__GONE)));
+    CONEMAP__STORED(rays->t_start, CONEMAP__PICKD(meets, t0, zero));
+    CONEMAP__STORED(rays->t_gone, box1);
+    CONEMAP__STORED(rays->t_scale, power);
+    CONEMAP__STORED(rays->end_status, status);
+    CONEMAP__STORED(rays->table_start, CONEMAP__ADDD(
+        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last), zero),
+        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last * f->axis[1].pitch), zero)));
+    CONEMAP__STORED(rays->texel_start, CONEMAP__ADDD(
+        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last_texel), zero),
+        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last_texel * f->axis[1].texel_pitch), zero)));
+    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADD(rays->cell[0]), CONEMAP__LOADD(rays->cell[1]));
+    for (k = 0; k < lanes; ++k)
+        rays->shift[k] = 16u + (rays->way[0].sign[k] < 0.0 ? 12u : 0u) + (rays->way[1].sign[k] < 0.0 ? 24u : 0u);
+}
+
+/* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are aboard. */
+CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_of_rays *rays, int at) {
+    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+    int arrived = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(1.5), state));
+    int empty = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(3.5), state)), aboard = CONEMAP__DLANES, k;
+    for (k = at; arrived; ++k, arrived >>= 1, empty >>= 1) {
+        if (!(arrived & 1)) continue;
+        if (!(empty & 1)) conemap__land(&f->stream, rays, k);
+        if (f->waiting_next == f->waiting_count && f->stream.next < f->stream.count) CONEMAP__KERNEL(board)(f);
+        if (f->waiting_next < f->waiting_count) {
+            conemap__move(f->waiting, f->waiting_next++, rays, k);
+        } else {
+            rays->state[k] = CONEMAP__EMPTY;
+            --aboard;
+        }
+    }
+    return aboard;
+}
+
+/* Groups take turns, so that what one waits for, memory, divisions and branches, is there when its turn comes again: what
+   it will read is asked for in the turn before. A group in which half the lanes or fewer fly on has its close lanes meet
+   their patches in the next turn, and its arrived rays make room in the one after. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
+    enum { FLY, AIM, MEET, CHANGE, DONE };
+    int turn[CONEMAP__SLOTS / CONEMAP__DLANES];
+    int groups = conemap__mini(CONEMAP__SLOTS / CONEMAP__DLANES, (f->stream.count - 1) / CONEMAP__DLANES + 1);
+    int busy = groups, group, k;
+    memset(f->blocks, 0, sizeof *f->blocks * (size_t)((groups * CONEMAP__DLANES - 1) / CONEMAP__BLOCK + 1));
+    for (k = 0; k < groups * CONEMAP__DLANES; ++k)
+        f->blocks[k / CONEMAP__BLOCK].state[k % CONEMAP__BLOCK] = CONEMAP__EMPTY;
+    for (group = 0; group < groups; ++group) turn[group] = CHANGE;
+    f->waiting_next = f->waiting_count = 0;
+    for (group = 0; busy > 0; group = group + 1 < groups ? group + 1 : 0) {
+        conemap__block_of_rays *rays = &f->blocks[group * CONEMAP__DLANES / CONEMAP__BLOCK];
+        int at = group * CONEMAP__DLANES % CONEMAP__BLOCK;
+        if (turn[group] == FLY) {
+            int flying = CONEMAP__KERNEL(fly_on)(f, rays, at);
+            turn[group] = 2 * conemap__count_bits(flying) <= CONEMAP__DLANES; /* FLY or AIM, without a branch */
+        } else if (turn[group] == AIM) {
+            CONEMAP__KERNEL(aim_close)(f, rays, at);
+            turn[group] = MEET;
+        } else if (turn[group] == MEET) {
+            CONEMAP__KERNEL(meet)(f, rays, at);
+            turn[group] = CHANGE;
+        } else if (turn[group] == CHANGE) {
+            turn[group] = FLY;
+            if (CONEMAP__KERNEL(change)(f, rays, at) == 0) {
+                turn[group] = DONE;
+                --busy;
+            }
+        }
+    }
+}
+
 /* For the next instruction set. */
 #undef CONEMAP__FUNCTION
 #undef CONEMAP__LANE_GROUPS
@@ -11990,6 +13265,43 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, cone
 #undef CONEMAP__TARGET
 #undef CONEMAP__TOF
 #undef CONEMAP__TOI
+#undef CONEMAP__ADDD
+#undef CONEMAP__ANDNOTW
+#undef CONEMAP__ANDW
+#undef CONEMAP__BITSD
+#undef CONEMAP__BITSW
+#undef CONEMAP__D
+#undef CONEMAP__D1
+#undef CONEMAP__DIVD
+#undef CONEMAP__DLANES
+#undef CONEMAP__GATHERFD
+#undef CONEMAP__GATHERL
+#undef CONEMAP__L
+#undef CONEMAP__L1
+#undef CONEMAP__LADD
+#undef CONEMAP__LAND
+#undef CONEMAP__LED
+#undef CONEMAP__LOADD
+#undef CONEMAP__LOADL
+#undef CONEMAP__LSHL
+#undef CONEMAP__LOADN
+#undef CONEMAP__STOREN
+#undef CONEMAP__LOADFD
+#undef CONEMAP__FLOORD
+#undef CONEMAP__LSUB
+#undef CONEMAP__BITSL
+#undef CONEMAP__LSHRL
+#undef CONEMAP__LTD
+#undef CONEMAP__MAXD
+#undef CONEMAP__MIND
+#undef CONEMAP__MULD
+#undef CONEMAP__ORW
+#undef CONEMAP__PICKD
+#undef CONEMAP__SQRTD
+#undef CONEMAP__STORED
+#undef CONEMAP__SUBD
+#undef CONEMAP__W
+#undef CONEMAP__WHOLE
 #endif /* CONEMAP__LANES */
 
 /* ======================================================================================================

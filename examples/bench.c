@@ -310,6 +310,7 @@ static int bench_tracers(const char *map_name, const struct image *image) {
 
 #include "bench_frusta.h"
 #include "bench_effects.h"
+#include "bench_trace.h"
 
 int main(int argc, char **argv) {
     program_name = "bench";
@@ -326,6 +327,7 @@ int main(int argc, char **argv) {
         image_free(&image);
     }
     if (!bench_updates()) return 1;
+    if (!bench_trace()) return 1;
     progress_end(&progress);
     return 0;
 }

@@ -97,6 +97,7 @@ int main(int argument_count, char **arguments)
         {"frusta", frusta_tests},
         {"effects", effects_tests},
         {"plan", plan_tests},
+        {"packets", packets_tests},
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
     int passed = 0, failed = 0, area;

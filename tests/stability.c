@@ -113,6 +113,7 @@ enum method {
     METHOD_MAXMIP,    /* [TIS08] with the bilinear cell, no cones */
     METHOD_NARROW,    /* the exact tracer over cones that no slope of the map can reach, whatever made them */
     METHOD_BILINEAR,  /* the exact tracer over cones proven for the interpolated surface */
+    METHOD_PREPARED,  /* the prepared tracer, which has a table of its own, in every instruction set there is */
     METHOD_VERTEX,    /* the rest may miss: the exact tracer over vertex cones [Dum06], uncorrected */
     METHOD_CORRECTED, /* ... over their 3 x 3 minimum [BV24] */
     METHOD_WIDENED,   /* ... over proven cones times 1.5 */
@@ -122,12 +123,13 @@ enum method {
     METHOD_QDM,
     METHODS
 };
-#define SAFE_METHODS 3
+#define SAFE_METHODS 4
 #define UNSAFE_SHARE (STABILITY_RAYS >= 10000000 ? 64 : 8) /* of so many rays, one goes through the unsafe ones */
 
 static const char *const method_names[METHODS] = {
-    "max mip",          "exact, narrow", "exact, proven", "exact, vertex", "exact, 3 x 3",
-    "exact, 1.5 times", "cell max",      "exact step",    "linear",        "qdm",
+    "max mip",      "exact, narrow",    "exact, proven", "prepared",   "exact, vertex",
+    "exact, 3 x 3", "exact, 1.5 times", "cell max",      "exact step", "linear",
+    "qdm",
 };
 
 enum built_map { BUILT_PROVEN, BUILT_NARROW, BUILT_VERTEX, BUILT_CORRECTED, BUILT_MAPS };
@@ -139,6 +141,7 @@ struct scene {
     int reach; /* the most texels that a ray may cross, where the map does not end it soon */
     conemap_map built[BUILT_MAPS];
     conemap_map widened; /* a copy of the proven map with cones of its own */
+    conemap_prepared prepared; /* the proven map */
     struct truth_map truth;
     double high;
 };
@@ -151,6 +154,7 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     static const int sectors[] = {0, 0, 4, 8};
     const float square = zoo_below(random, 2) ? 1.0f : 0.0f;
     conemap_desc desc;
+    conemap_prepare_desc prepare;
     int size = zoo_below(random, 8), w = sizes[size][0], h = sizes[size][1], x, y, k;
     double low = 1.0, slope, steepest;
 
@@ -225,6 +229,11 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
     desc.min3x3 = 1;
     k = k && conemap_build(&desc, &s->built[BUILT_CORRECTED]) == CONEMAP_OK;
     if (!CHECK(k, "round %ld: build", round)) return 0;
+    memset(&prepare, 0, sizeof prepare);
+    prepare.isa = (conemap_isa)(round / MAP_KINDS % CONEMAP_ISA_COUNT);
+    if (!conemap_isa_available(prepare.isa)) prepare.isa = CONEMAP_ISA_DEFAULT;
+    k = conemap_prepare(&s->built[BUILT_PROVEN], &prepare, &s->prepared) == CONEMAP_OK;
+    if (!CHECK(k, "round %ld: prepare", round)) return 0;
 
     for (k = 0; k < w * h * (s->widened.info.texture.sectors > 1 ? s->widened.info.texture.sectors : 1); ++k) {
         scene_cones[k] = s->widened.cones[k] * (desc.texture.encoding == CONEMAP_SQRT ? 1.2247449f : 1.5f);
@@ -238,14 +247,15 @@ static int scene_build(struct scene *s, struct zoo_random *random, long round) {
 
 static void scene_free(struct scene *s) {
     int k;
+    conemap_free_prepared(&s->prepared);
     for (k = 0; k < BUILT_MAPS; ++k) conemap_free(&s->built[k]);
 }
 
 static conemap_hit scene_trace(const struct scene *s, int method, const conemap_ray *ray) {
     static const conemap_tracer tracers[METHODS] = {
         CONEMAP_TRACE_MAXMIP, CONEMAP_TRACE_EXACT, CONEMAP_TRACE_EXACT,    CONEMAP_TRACE_EXACT,
-        CONEMAP_TRACE_EXACT,  CONEMAP_TRACE_EXACT, CONEMAP_TRACE_CELL_MAX, CONEMAP_TRACE_EXACT_STEP,
-        CONEMAP_TRACE_LINEAR, CONEMAP_TRACE_QDM,
+        CONEMAP_TRACE_EXACT,  CONEMAP_TRACE_EXACT, CONEMAP_TRACE_EXACT,    CONEMAP_TRACE_CELL_MAX,
+        CONEMAP_TRACE_EXACT_STEP, CONEMAP_TRACE_LINEAR, CONEMAP_TRACE_QDM,
     };
     const conemap_map *map = method == METHOD_NARROW      ? &s->built[BUILT_NARROW]
                              : method == METHOD_VERTEX    ? &s->built[BUILT_VERTEX]
@@ -257,6 +267,10 @@ static conemap_hit scene_trace(const struct scene *s, int method, const conemap_
     memset(&desc, 0, sizeof desc);
     memset(&hit, 0x7b, sizeof hit);
     desc.tracer = tracers[method];
+    if (method == METHOD_PREPARED) {
+        if (conemap_trace_prepared(&s->prepared, ray, &hit, 1) != CONEMAP_OK) hit.status = CONEMAP_INVALID;
+        return hit;
+    }
     if (conemap_trace(map, &desc, ray, &hit, 1) != CONEMAP_OK) hit.status = CONEMAP_INVALID;
     return hit;
 }
