@@ -1353,7 +1353,7 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__LOADU8(p) _mm512_maskz_cvtepu8_epi32(CONEMAP__ALL, _mm_loadu_si128((const __m128i *)(const void *)(p)))
 #define CONEMAP__LOADU16(p)                                                                                \
     _mm512_maskz_cvtepu16_epi32(CONEMAP__ALL, _mm256_loadu_si256((const __m256i *)(const void *)(p)))
-#define CONEMAP__GATHERF(base, i) _mm512_mask_i32gather_ps(_mm512_setzero_ps(), CONEMAP__ALL, i, base, 4)
+#define CONEMAP__GATHERF(base, i) _mm512_i32gather_ps(i, base, 4)
 #define CONEMAP__ADD(a, b) _mm512_add_ps(a, b)
 #define CONEMAP__SUB(a, b) _mm512_sub_ps(a, b)
 #define CONEMAP__MUL(a, b) _mm512_mul_ps(a, b)
@@ -1386,7 +1386,14 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30), b)
 #define CONEMAP__ODD(a, b)                                                                                 \
     _mm512_permutex2var_ps(a, _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31), b)
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wsign-conversion" /* in gcc 12's own macro for gathers, without optimisation */
+#endif
 #include CONEMAP_SELF
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
 static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx512);
 #undef CONEMAP__ALL
 #endif
