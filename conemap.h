@@ -716,7 +716,7 @@ typedef struct conemap_prepared {
     const uint64_t *table;  /* width * height records, private in what they hold */
     int width, height;      /* cells; those in the outer half texel of CLAMP belong to their neighbours */
     size_t memory_size;     /* bytes held beside the map */
-    double bytes_per_texel; /* the same for a texel of the map: 8 at most, 16 where an axis has but one */
+    double bytes_per_texel; /* the same for a texel of the map: 8 at most */
     conemap_isa isa;        /* never DEFAULT */
     struct {                /* private */
         void *memory;
@@ -753,7 +753,7 @@ CONEMAP_API void conemap_free_prepared(conemap_prepared *prepared);
 
 /* As conemap_trace with CONEMAP_TRACE_EXACT, and with its promise. t, u, v, z differ by rounding only; steps counts the
    steps of this walk, and fallback is 0. Rays and hits may not overlap. Errors: NULL, PARAMETER (count), and those of
-   rays. Any thread; takes about 16 KiB of stack. */
+   rays. Any thread; takes 24 KiB of stack. */
 CONEMAP_API conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
                                                   conemap_hit *hits, int count);
 CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared, const conemap_ray_arrays *rays,
@@ -2159,7 +2159,7 @@ typedef struct conemap__kernels {
                       const float *heights, float least, int count, float *out);
     /* Raises a tile's slopes to the steepest there is. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
-    /* out: the larger of two rows, or of four places in two rows; slopes and free as in conemap__look. */
+    /* The larger of two rows; and what a square, the larger of two places in a row, does to conemap__look's columns. */
     void (*larger_row)(const float *a, const float *b, int count, float *out);
     void (*rise_row)(const float *squares, int shift, const float *tops, float per_reach, int32_t code, int count,
                      float *slopes, int32_t *clear);
