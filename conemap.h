@@ -2464,7 +2464,7 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__LOADU8(p) _mm512_maskz_cvtepu8_epi32(CONEMAP__ALL, _mm_loadu_si128((const __m128i *)(const void *)(p)))
 #define CONEMAP__LOADU16(p)                                                                                \
     _mm512_maskz_cvtepu16_epi32(CONEMAP__ALL, _mm256_loadu_si256((const __m256i *)(const void *)(p)))
-#define CONEMAP__GATHERF(base, i) _mm512_i32gather_ps(i, base, 4)
+#define CONEMAP__GATHERF(base, i) _mm512_mask_i32gather_ps(_mm512_setzero_ps(), CONEMAP__ALL, i, base, 4)
 #define CONEMAP__ADD(a, b) _mm512_add_ps(a, b)
 #define CONEMAP__SUB(a, b) _mm512_sub_ps(a, b)
 #define CONEMAP__MUL(a, b) _mm512_mul_ps(a, b)
