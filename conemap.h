@@ -6223,10 +6223,10 @@ CONEMAP__DEF conemap_result conemap_get_statistics(const conemap_heights *height
             conemap__plan_probe(&h, blocks, block_u, block_v, u, v, du / length, dv / length,
                                 (double)conemap__plan_sideways(slope), 1, &safe_steps, &unused, &unused);
         }
-        statistics->steps[slope] = (float)(steps / CONEMAP__PLAN_PROBES);
-        statistics->safe_steps[slope] = (float)(safe_steps / CONEMAP__PLAN_PROBES);
-        statistics->cells[slope] = (float)(cells / CONEMAP__PLAN_PROBES);
-        statistics->way[slope] = (float)(way / CONEMAP__PLAN_PROBES);
+        statistics->steps[slope] = (float)(steps / (double)CONEMAP__PLAN_PROBES);
+        statistics->safe_steps[slope] = (float)(safe_steps / (double)CONEMAP__PLAN_PROBES);
+        statistics->cells[slope] = (float)(cells / (double)CONEMAP__PLAN_PROBES);
+        statistics->way[slope] = (float)(way / (double)CONEMAP__PLAN_PROBES);
     }
     return CONEMAP_OK;
 }
@@ -13013,9 +13013,9 @@ CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
     CONEMAP__D cells = CONEMAP__D1(axis->cells), first = CONEMAP__D1(axis->first), x, cell, place, p;
     position = CONEMAP__PICKD(meets, position, zero);
     if (axis->wraps) {
-        CONEMAP__W far = CONEMAP__ORW(CONEMAP__LED(CONEMAP__D1(4503599627370496.0), position),
+        CONEMAP__W beyond = CONEMAP__ORW(CONEMAP__LED(CONEMAP__D1(4503599627370496.0), position),
                                       CONEMAP__LED(position, CONEMAP__D1(-4503599627370496.0)));
-        position = CONEMAP__PICKD(far, zero, position);
+        position = CONEMAP__PICKD(beyond, zero, position);
         position = CONEMAP__SUBD(position, CONEMAP__FLOORD(position));
     } else {
         position = CONEMAP__KERNEL(clamp01)(position);
