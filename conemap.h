@@ -1,7 +1,8 @@
 /* conemap.h - relief from heightmaps through cone maps, in one header. C99 and C++11, no dependencies.
 
    Hand it a heightmap; it builds a cone map (on every texel an empty cone, [Dum06], by default safe to interpolate),
-   writes it as a texture, and traces rays through the relief on the CPU: picking, line of sight, baking.
+   writes it as a texture, traces rays through the relief on the CPU (picking, line of sight, baking), writes the shaders
+   that do the same on a GPU, and skins skeletons with relief-mapped conical frusta.
 
    In ONE source file:                          Everywhere else:
 
@@ -285,7 +286,7 @@ typedef struct conemap_texture {
                                which holds nothing in the directions of its sector (see conemap_sector): wider, for a ray
                                meets nothing else. In sectors / 4 RGBA textures, the heights in one of their own. With
                                CONEMAP_EXACT; not with CONEMAP_DUMMER. Steps of grazing rays, of those with 1: 4 takes
-                               0.5 to 0.8, 8 takes 0.4 to 0.7 */
+                               0.5 to 0.8, 8 takes 0.4 to 0.7; on white noise both 0.97 */
 } conemap_texture;
 
 /* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
