@@ -2742,43 +2742,30 @@ static const conemap__kernels conemap__kernels_wasm = CONEMAP__KERNEL_LIST(wasm)
 
 /* ---- which one ------------------------------------------------------------------------------------------------- */
 
-#ifdef CONEMAP__X86
-static void conemap__cpuid(int leaf, uint32_t *registers) {
-#ifdef _MSC_VER
-    int words[4], k;
-    __cpuidex(words, leaf, 0);
-    for (k = 0; k < 4; ++k) registers[k] = (uint32_t)words[k];
-#else
-    __asm__ volatile("cpuid"
-                     : "=a"(registers[0]), "=b"(registers[1]), "=c"(registers[2]), "=d"(registers[3])
-                     : "a"(leaf), "c"(0));
-#endif
-}
-
-/* The register files that the system saves: bits 1 and 2 for AVX, 5 to 7 for AVX-512. */
-static uint32_t conemap__saved_registers(void) {
-#ifdef _MSC_VER
-    return (uint32_t)_xgetbv(0);
-#else
-    uint32_t low, high;
-    __asm__ volatile(".byte 0x0f, 0x01, 0xd0" : "=a"(low), "=d"(high) : "c"(0)); /* xgetbv, also for old assemblers */
-    (void)high;
-    return low;
-#endif
-}
-
+#if defined(CONEMAP__X86) && defined(_MSC_VER)
 static conemap_isa conemap__best_isa(void) {
-    const uint32_t osxsave_avx = 3u << 27, avx512 = 1u << 16 | 1u << 17 | 1u << 30 | 1u << 31; /* F, DQ, BW, VL */
-    uint32_t leaf[4], features, saved;
-    conemap__cpuid(0, leaf);
+    int leaf[4], saved; /* the register files that the system saves: bits 1 and 2 for AVX, 5 to 7 for AVX-512 */
+    __cpuidex(leaf, 0, 0);
     if (leaf[0] < 7) return CONEMAP_ISA_SSE2;
-    conemap__cpuid(1, leaf);
-    if ((leaf[2] & osxsave_avx) != osxsave_avx) return CONEMAP_ISA_SSE2;
-    saved = conemap__saved_registers();
-    conemap__cpuid(7, leaf);
-    features = leaf[1];
-    if ((saved & 6u) != 6u || !(features & 1u << 5)) return CONEMAP_ISA_SSE2;
-    return (saved & 0xe6u) == 0xe6u && (features & avx512) == avx512 ? CONEMAP_ISA_AVX512 : CONEMAP_ISA_AVX2;
+    __cpuidex(leaf, 1, 0);
+    if (!(leaf[2] & 1 << 27) || !(leaf[2] & 1 << 28)) return CONEMAP_ISA_SSE2;
+    saved = (int)_xgetbv(0);
+    __cpuidex(leaf, 7, 0);
+    if ((saved & 6) != 6 || !(leaf[1] & 1 << 5)) return CONEMAP_ISA_SSE2;
+    if ((saved & 0xe6) != 0xe6 || !(leaf[1] & 1 << 16) || !(leaf[1] & 1 << 17) || !(leaf[1] & 1 << 30) || leaf[1] >= 0)
+        return CONEMAP_ISA_AVX2; /* F, DQ, BW, and the sign bit is VL */
+    return CONEMAP_ISA_AVX512;
+}
+#elif defined(CONEMAP__X86)
+/* By what the compiler's own library found out when the program started: cpuid, asked here for each small map, takes longer
+   than the map where a virtual machine traps it. */
+static conemap_isa conemap__best_isa(void) {
+    __builtin_cpu_init();
+    if (!__builtin_cpu_supports("avx2")) return CONEMAP_ISA_SSE2;
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
+                   __builtin_cpu_supports("avx512vl")
+               ? CONEMAP_ISA_AVX512
+               : CONEMAP_ISA_AVX2;
 }
 #elif defined(CONEMAP__ARM)
 static conemap_isa conemap__best_isa(void) { return CONEMAP_ISA_NEON; }
