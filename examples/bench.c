@@ -35,7 +35,16 @@ static void goal(const char *name, const char *map, double value, int at_most, d
     figure(name, map, value, text);
 }
 
-static int is_wanted(const char *part) { return strstr(part, wanted) || strstr(wanted, part); }
+/* Does this part of the bench hold wanted figures? A NAME that begins with a part's name is only in that part. */
+static const char *const part_names[] = {"build.", "trace.", "lanes.", "update.", "trace1024.", "frusta.", "effect."};
+
+static int is_wanted(const char *part) {
+    for (size_t k = 0; k < sizeof part_names / sizeof part_names[0]; ++k)
+        if (*wanted && (strncmp(part_names[k], wanted, strlen(part_names[k])) == 0 ||
+                        strncmp(part_names[k], wanted, strlen(wanted)) == 0))
+            return strncmp(part, wanted, strlen(part)) == 0 || strncmp(part, wanted, strlen(wanted)) == 0;
+    return 1;
+}
 
 static void part_done(void) {
     parts_done += 1.0;
@@ -308,6 +317,43 @@ static int bench_tracers(const char *map_name, const struct image *image) {
     return 1;
 }
 
+/* conemap_update of a 64 x 64 rectangle of 2048 x 2048, on maps that keep their search, against the build. */
+static int bench_edits(void) {
+    enum { SIDE = 2048, EDIT = 64 };
+    for (int kind = FBM; kind <= SPIKES; ++kind) {
+        struct image image;
+        conemap_desc desc;
+        conemap_map map;
+        double times[ROUNDS];
+        if (!procedural_image(kind, SIDE, 1, &image)) return 0;
+        describe(&desc, &image);
+        desc.keep_pyramid = 0;
+        desc.keep_search = 1;
+        double start = now();
+        conemap_result result = conemap_build(&desc, &map);
+        double whole = now() - start;
+        if (result != CONEMAP_OK) return fail_result("build", result);
+        for (int r = 0; r < ROUNDS; ++r) { /* a hill grows */
+            int x0 = SIDE / 3, y0 = SIDE / 2;
+            for (int y = 0; y < EDIT; ++y)
+                for (int x = 0; x < EDIT; ++x) {
+                    float a = ((float)x - 31.5f) / 32.0f, b = ((float)y - 31.5f) / 32.0f, hill = 1.0f - a * a - b * b;
+                    uint16_t *at = (uint16_t *)image.pixels + (size_t)(y0 + y) * SIDE + (size_t)(x0 + x);
+                    float higher = (float)*at + (hill > 0.0f ? 655.0f * hill : 0.0f);
+                    *at = (uint16_t)(higher < 65535.0f ? higher : 65535.0f);
+                }
+            start = now();
+            result = conemap_update(&map, &desc, x0, y0, EDIT, EDIT);
+            times[r] = now() - start;
+            if (result != CONEMAP_OK) return fail_result("update", result);
+        }
+        goal("update.build/edit64", name_of(procedural_names, kind), whole / median(times), 0, 100.0);
+        conemap_free(&map);
+        image_free(&image);
+    }
+    return 1;
+}
+
 #include "bench_frusta.h"
 #include "bench_effects.h"
 #include "bench_trace.h"
@@ -317,17 +363,19 @@ int main(int argc, char **argv) {
     if (argc > 1) wanted = argv[1];
     progress_begin(&progress, "bench");
     parts = 3.0 * ROUNDS * 26.0 + ROUNDS;
-    if (is_wanted("lanes.") && !bench_all_lanes()) return 1;
-    for (int kind = FBM; kind <= SPIKES && strncmp(wanted, "lanes", 5) != 0; ++kind) {
+    for (int kind = FBM; kind <= SPIKES; ++kind) {
         const char *name = name_of(procedural_names, kind);
         struct image image;
         if (!procedural_image(kind, 256, 1, &image)) return 1;
-        if (!bench_generators(name, &image) || !bench_tracers(name, &image) || !bench_relief(name, &image)) return 1;
-        if (!bench_effects(name, &image)) return 1;
+        if ((is_wanted("build.") && !bench_generators(name, &image)) ||
+            (is_wanted("trace.") && !bench_tracers(name, &image)) || (is_wanted("frusta.") && !bench_relief(name, &image)) ||
+            (is_wanted("effect.") && !bench_effects(name, &image)))
+            return 1;
         image_free(&image);
     }
-    if (!bench_updates()) return 1;
-    if (!bench_trace()) return 1;
+    if ((is_wanted("frusta.") && !bench_updates()) || (is_wanted("update.") && !bench_edits()) ||
+        (is_wanted("trace1024.") && !bench_trace()) || (is_wanted("lanes.") && !bench_all_lanes()))
+        return 1;
     progress_end(&progress);
     return 0;
 }
