@@ -2845,6 +2845,7 @@ static conemap__window conemap__texel_window(const conemap_map *map, int i, int 
 typedef struct conemap__sector {
     int su, sv;     /* signs of the quadrant; 0: all directions */
     int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
+    int number;     /* (tcc 0.9.27 returns structs of 12 bytes over what lies behind them, so this one has 16) */
 } conemap__sector;
 
 CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
@@ -2852,6 +2853,7 @@ CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__
 static conemap__sector conemap__make_sector(const conemap_info *info, int number) {
     conemap__sector sector;
     memset(&sector, 0, sizeof sector);
+    sector.number = number;
     if (conemap__planes(info) == 1) return sector;
     sector.su = number & 1 ? -1 : 1;
     sector.sv = number & 2 ? -1 : 1;
@@ -11631,7 +11633,7 @@ static int conemap__cut_ray(const conemap__scene *scene, conemap_ray *ray) {
 }
 
 static void conemap__put_hit(const conemap_ray *ray, double t, conemap_hit *hit) {
-    hit->t = hit->t_before = hit->t_after = t >= (double)CONEMAP__FAR ? HUGE_VALF : (float)t;
+    hit->t = hit->t_before = hit->t_after = t >= (double)CONEMAP__FAR ? conemap__from_bits(0x7f800000u) : (float)t;
     hit->u = (float)((double)ray->origin[0] + t * (double)ray->direction[0]);
     hit->v = (float)((double)ray->origin[1] + t * (double)ray->direction[1]);
     hit->z = (float)((double)ray->origin[2] + t * (double)ray->direction[2]);
