@@ -33,7 +33,7 @@
 #ifndef STABILITY_RAYS
 #define STABILITY_RAYS 200000 /* about 3 s */
 #endif
-#define ROUND_RAYS (STABILITY_RAYS >= 10000000 ? 8192 : 1024) /* on one map; few maps pay off in long runs only */
+#define ROUND_RAYS (STABILITY_RAYS >= 10000000 ? 16384 : 1024) /* on one map; few maps pay off in long runs only */
 #define ROUNDS ((long)(STABILITY_RAYS / ROUND_RAYS) * 19 / 18 + 1) /* two of 19 maps get half the rays */
 
 #define MISS (1.0 / 1048576.0)
