@@ -31,7 +31,7 @@
 #include "zoo.h"
 
 #ifndef STABILITY_RAYS
-#define STABILITY_RAYS 200000 /* about 3 s */
+#define STABILITY_RAYS 100000 /* a few seconds */
 #endif
 #define ROUND_RAYS (STABILITY_RAYS >= 10000000 ? 16384 : 1024) /* on one map; few maps pay off in long runs only */
 #define ROUNDS ((long)(STABILITY_RAYS / ROUND_RAYS) * 19 / 18 + 1) /* two of 19 maps get half the rays */
