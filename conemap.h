@@ -2845,7 +2845,7 @@ static conemap__window conemap__texel_window(const conemap_map *map, int i, int 
 typedef struct conemap__sector {
     int su, sv;     /* signs of the quadrant; 0: all directions */
     int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
-    int number;     /* (tcc 0.9.27 returns structs of 12 bytes over what lies behind them, so this one has 16) */
+    int number;     /* counts planes. (tcc 0.9.27 returns structs of 12 bytes over what lies behind them; this has 16) */
 } conemap__sector;
 
 CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
@@ -3414,7 +3414,6 @@ typedef struct conemap__band {
     int y0, y1;
     conemap__sector sector;
     float *plane, *cell_slopes; /* the sector's */
-    int number;                 /* of the sector */
     float a, b, deflate;        /* texel size; V */
     int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
 } conemap__band;
@@ -3680,7 +3679,7 @@ static void conemap__known(const conemap__band *band, int j, int x, int count, i
         high = conemap__mini(high, map->info.height - 1);
     }
     for (r = low; r <= high; ++r) {
-        n = conemap__collect(map, band->number, r, band->y0, band->y1, rows, columns);
+        n = conemap__collect(map, band->sector.number, r, band->y0, band->y1, rows, columns);
         if (n == 0) {
             memset(known[r - low], 0, sizeof known[0]);
             continue;
@@ -3736,7 +3735,7 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
         for (i = 0; i < count; ++i) {
             float apex, best = known[i], *at;
             if (!(bounds[i] > known[i])) continue;
-            if (!conemap__is_wanted(map, band->number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
+            if (!conemap__is_wanted(map, band->sector.number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
             at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
             if (at) best = conemap__max(best, *at);
             apex = conemap__vertex(map, x + i, j);
@@ -4478,7 +4477,6 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
     memset(&band, 0, sizeof band);
     band.map = map;
     band.sector = conemap__make_sector(&map->info, sector);
-    band.number = sector;
     band.plane = map->build.plane + (size_t)sector * conemap__texels(map);
     band.cell_slopes = map->build.cell_slopes + (size_t)sector * conemap__texels(map);
     band.y0 = (job - sector * conemap__bands(map->info.height)) * CONEMAP__BAND;
@@ -4546,7 +4544,7 @@ static void conemap__safe_close(const conemap__band *band, float least) {
             int j = conemap__texel_index(y, map->info.height, map->info.wrap_v);
             float *at = &band->plane[(size_t)j * (size_t)w + (size_t)x], best;
             if (y == map->info.height && map->info.wrap_v != CONEMAP_WRAP) break;
-            if (!conemap__is_wanted(map, band->number, x, j, CONEMAP__SEARCH)) continue;
+            if (!conemap__is_wanted(map, band->sector.number, x, j, CONEMAP__SEARCH)) continue;
             best = conemap__close_pairs(band, x, y, least);
             if (y < band->y1) *at = conemap__max(*at, best);
         }
@@ -4567,7 +4565,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     else
         conemap__safe_start(&band, least);
     conemap__safe_close(&band, least);
-    result = band.sector.su != 0 ? conemap__sector_rows(map, &search, band.number, band.y0, band.y1, band.plane)
+    result = band.sector.su != 0 ? conemap__sector_rows(map, &search, band.sector.number, band.y0, band.y1, band.plane)
                                  : conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
     for (y = band.y0; result == CONEMAP_OK && y <= band.y1; ++y)
         if (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP)
@@ -4824,7 +4822,6 @@ typedef struct conemap__edit {
     const conemap_map *map;
     int x, y, width, height;
     float highest, near2, deflate;
-    int number;                    /* of the sector whose cones are looked at */
     conemap__sector sector;        /* an octant is treated as its quadrant */
     unsigned char *wanted, *bands; /* marks for each cone; nonzero for each band of rows that has some */
 } conemap__edit;
@@ -4832,12 +4829,12 @@ typedef struct conemap__edit {
 
 static void conemap__mark_around(const conemap__edit *edit, int i, int j, int reach, unsigned char mark) {
     const conemap_info *info = &edit->map->info;
-    unsigned char *wanted = edit->wanted + (size_t)edit->number * conemap__texels(edit->map);
+    unsigned char *wanted = edit->wanted + (size_t)edit->sector.number * conemap__texels(edit->map);
     int x, y;
     for (y = j - reach; y <= j + reach; ++y)
         for (x = i - reach; x <= i + reach; ++x) {
             int row = conemap__texel_index(y, info->height, info->wrap_v);
-            edit->bands[edit->number * conemap__bands(info->height) + row / CONEMAP__BAND] = 1;
+            edit->bands[edit->sector.number * conemap__bands(info->height) + row / CONEMAP__BAND] = 1;
             wanted[(size_t)row * (size_t)info->width + (size_t)conemap__texel_index(x, info->width, info->wrap_u)] |=
                 mark;
         }
@@ -4890,17 +4887,17 @@ static int conemap__block_reached(const conemap__edit *edit, int block_u, int bl
     if (d2 <= edit->near2) return 1;
     for (b = -1; b <= 1; ++b)
         for (a = -1; a <= 1; ++a)
-            least = conemap__min(least, conemap__surveyed(map, edit->number,
+            least = conemap__min(least, conemap__surveyed(map, edit->sector.number,
                                                           conemap__texel_index(block_u + a, bands_u, map->info.wrap_u),
                                                           conemap__texel_index(block_v + b, bands_v, map->info.wrap_v))[1]);
-    return conemap__edit_matters(edit, d2, conemap__surveyed(map, edit->number, block_u, block_v)[0], least);
+    return conemap__edit_matters(edit, d2, conemap__surveyed(map, edit->sector.number, block_u, block_v)[0], least);
 }
 
 /* Marks what the edit can change, STORE, and whose searches can show it, SEARCH: with the bilinear guarantee a search
    serves its 3x3 texels, and what is nearest to the edit is looked at whatever its slope. */
 static void conemap__mark(const conemap__edit *edit) {
     const conemap_map *map = edit->map;
-    const float *cones = map->cones + (size_t)edit->number * conemap__texels(map);
+    const float *cones = map->cones + (size_t)edit->sector.number * conemap__texels(map);
     int w = map->info.width, h = map->info.height, reach = conemap__is_bilinear(&map->info), block_u, block_v, i, j;
     for (block_v = 0; block_v < conemap__bands(h); ++block_v)
         for (block_u = 0; block_u < conemap__bands(w); ++block_u) {
@@ -5023,7 +5020,6 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
             edit.near2 = edit.deflate / CONEMAP__TOLERANCE;
         }
         for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
-            edit.number = k;
             edit.sector = conemap__make_sector(&map->info, k);
             conemap__mark(&edit);
         }
@@ -5878,8 +5874,8 @@ static void conemap__prove_cell(conemap__proof *proof, const conemap__patch *api
     proof->found = 0;
     proof->open = 1;
     for (pass = 0; pass < 4 && proof->open; ++pass) {
-        proof->depth = depths[pass];
         int work = proof->credit > 0 ? CONEMAP__VERIFY_WORK : CONEMAP__VERIFY_WORK / 32;
+        proof->depth = depths[pass];
         if (proof->found) work = conemap__mini(work, CONEMAP__VERIFY_DEEPER);
         proof->work = work;
         proof->open = 0;
@@ -6385,19 +6381,22 @@ static int conemap__clip(double o, double v, double low, double high, int axis, 
     return *t0 <= *t1;
 }
 
-/* Puts an axis of the walk into texels; returns the base cell. */
-static int conemap__enter_axis(double position, int size, conemap_wrap wrap, double *place) {
+/* Puts a position on an axis of `cells` cells, which begin `shift` texels before the texels' own borders; returns the
+   cell. */
+static int conemap__enter_cells(double position, int size, conemap_wrap wrap, double shift, int cells, double *place) {
     double x;
-    int cell;
+    int cell, first = shift > 0.0 ? -conemap__first_cell(wrap) : 0;
     position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position); /* far origins cancel badly */
-    x = position * (double)size - 0.5;
+    x = position * (double)size - shift;
     cell = conemap__floord(x);
-    if (wrap != CONEMAP_WRAP) { /* clipping is off by a last bit */
-        int first = -conemap__first_cell(wrap);
-        cell = conemap__maxi(first, conemap__mini(cell, first + conemap__cell_count(size, wrap) - 1));
-    }
+    if (wrap != CONEMAP_WRAP) cell = conemap__maxi(first, conemap__mini(cell, first + cells - 1)); /* clipping is off by a last bit */
     *place = conemap__clamp01(x - (double)cell);
     return cell;
+}
+
+/* The same for bilinear cells: puts an axis of the walk into texels. */
+static int conemap__enter_axis(double position, int size, conemap_wrap wrap, double *place) {
+    return conemap__enter_cells(position, size, wrap, 0.5, conemap__cell_count(size, wrap), place);
 }
 
 /* Sets a walk up. Returns 0 for a ray that never gets above or below the surface; walk->end_status and t_end then
@@ -6531,24 +6530,38 @@ CONEMAP__INLINE double conemap__cone_step(const conemap__walk *walk, float tange
     return closing > 0.0 ? (double)tangent * gap / closing : CONEMAP__NEVER;
 }
 
+/* c + b x + a x^2 */
+typedef struct conemap__quadratic {
+    double c, b, a;
+} conemap__quadratic;
+
+/* The first x in 0..end at which the quadratic is 0 or below; NEVER if there is none. In the form that does not
+   cancel. */
+CONEMAP__INLINE double conemap__first_zero(conemap__quadratic p, double end) {
+    double discriminant = p.b * p.b - 4.0 * p.a * p.c, q, first, second;
+    if (p.c <= 0.0) return 0.0;
+    if (discriminant < 0.0) return CONEMAP__NEVER;
+    q = -0.5 * (p.b + (p.b < 0.0 ? -sqrt(discriminant) : sqrt(discriminant)));
+    first = q != 0.0 ? p.c / q : CONEMAP__NEVER;
+    second = p.a != 0.0 ? q / p.a : CONEMAP__NEVER;
+    if (first < 0.0) first = CONEMAP__NEVER;
+    if (second >= 0.0 && second < first) first = second;
+    return first <= end ? first : CONEMAP__NEVER;
+}
+
 /* First t in [0, end] at which the ray meets the patch, from a point at (x, y, z) in the cell; -1 if none. The
-   clearance along the ray is c + b t + a t^2, solved in the form that does not cancel. */
+   quadratic is the clearance along the ray. */
 static double conemap__patch_hit(const conemap__walk *walk, conemap__corners h, double x, double y, double z,
                                  double end) {
     double h00 = (double)h.h00, hx = (double)h.h10 - h00, hy = (double)h.h01 - h00;
     double hxy = (double)h.h11 - (double)h.h01 - hx;
-    double c = z - (h00 + hx * x + hy * y + hxy * (x * y));
-    double b = walk->vz - (hx * walk->vx + hy * walk->vy + hxy * (x * walk->vy + y * walk->vx));
-    double a = -hxy * (walk->vx * walk->vy);
-    double discriminant = b * b - 4.0 * a * c, q, first, second;
-    if (c <= 0.0) return 0.0;
-    if (discriminant < 0.0) return -1.0;
-    q = -0.5 * (b + (b < 0.0 ? -sqrt(discriminant) : sqrt(discriminant)));
-    first = q != 0.0 ? c / q : CONEMAP__NEVER;
-    second = a != 0.0 ? q / a : CONEMAP__NEVER;
-    if (first < 0.0) first = CONEMAP__NEVER;
-    if (second >= 0.0 && second < first) first = second;
-    return first <= end ? first : -1.0;
+    conemap__quadratic clearance;
+    double t;
+    clearance.c = z - (h00 + hx * x + hy * y + hxy * (x * y));
+    clearance.b = walk->vz - (hx * walk->vx + hy * walk->vy + hxy * (x * walk->vy + y * walk->vx));
+    clearance.a = -hxy * (walk->vx * walk->vy);
+    t = conemap__first_zero(clearance, end);
+    return t < CONEMAP__NEVER ? t : -1.0;
 }
 
 /* ---- results ---------------------------------------------------------------------------------------- */
@@ -10549,8 +10562,6 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
    ====================================================================================================== */
 
 #define CONEMAP__LIFT (1.0 / 1048576.0)  /* shadows and sky start so far above the surface, which is inside */
-#define CONEMAP__EVER 1e300              /* a time that does not come */
-#define CONEMAP__FLIGHT_REACH 1048576.0  /* texels that a flight is followed on wrapping axes */
 #define CONEMAP__CHUNK 32                /* rays handed to conemap_trace together */
 
 CONEMAP__INLINE float conemap__dot(const float a[3], const float b[3]) {
@@ -10911,7 +10922,7 @@ typedef struct conemap__scene {
     const conemap_map *map[2];
     double weight[2];
     int maps;
-    double low[2], high[2];     /* the rectangle that has a surface; endless: -EVER, EVER */
+    double low[2], high[2];     /* the rectangle that has a surface; endless: -NEVER, NEVER */
     const unsigned char *alpha; /* null: no holes */
     ptrdiff_t alpha_stride;
     int alpha_width, alpha_height, alpha_cut;
@@ -10943,32 +10954,13 @@ typedef struct conemap__course {
     conemap_status end_status;
 } conemap__course;
 
-/* c + b x + a x^2 */
-typedef struct conemap__quadratic {
-    double c, b, a;
-} conemap__quadratic;
-
-/* The first x in 0..end at which the quadratic is 0 or below; EVER if there is none. In the form that does not
-   cancel. */
-CONEMAP__INLINE double conemap__first_zero(conemap__quadratic p, double end) {
-    double discriminant = p.b * p.b - 4.0 * p.a * p.c, q, first, second;
-    if (p.c <= 0.0) return 0.0;
-    if (discriminant < 0.0) return CONEMAP__EVER;
-    q = -0.5 * (p.b + (p.b < 0.0 ? -sqrt(discriminant) : sqrt(discriminant)));
-    first = q != 0.0 ? p.c / q : CONEMAP__EVER;
-    second = p.a != 0.0 ? q / p.a : CONEMAP__EVER;
-    if (first < 0.0) first = CONEMAP__EVER;
-    if (second >= 0.0 && second < first) first = second;
-    return first <= end ? first : CONEMAP__EVER;
-}
-
 /* Where the surface of one map lies along an axis. */
 static void conemap__extent(const conemap_info *info, int axis, double *low, double *high) {
     conemap_wrap wrap = axis ? info->wrap_v : info->wrap_u;
     int size = axis ? info->height : info->width;
     double border = wrap == CONEMAP_NOTHING && size > 1 ? 0.5 / (double)size : 0.0;
-    *low = wrap == CONEMAP_WRAP ? -CONEMAP__EVER : border;
-    *high = wrap == CONEMAP_WRAP ? CONEMAP__EVER : 1.0 - border;
+    *low = wrap == CONEMAP_WRAP ? -CONEMAP__NEVER : border;
+    *high = wrap == CONEMAP_WRAP ? CONEMAP__NEVER : 1.0 - border;
 }
 
 static void conemap__add_map(conemap__scene *scene, const conemap_map *map, double weight) {
@@ -10983,24 +10975,12 @@ static void conemap__add_map(conemap__scene *scene, const conemap_map *map, doub
     scene->weight[scene->maps++] = weight;
 }
 
-/* Puts one axis of a lattice under a flight that is at `position`; cells begin `shift` before texels' borders. */
-static int conemap__lattice_axis(double position, int size, conemap_wrap wrap, double shift, int cells, double *place) {
-    double x;
-    int cell, first = shift > 0.0 ? -conemap__first_cell(wrap) : 0;
-    position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position);
-    x = position * (double)size - shift;
-    cell = conemap__floord(x);
-    if (wrap != CONEMAP_WRAP) cell = conemap__maxi(first, conemap__mini(cell, first + cells - 1));
-    *place = conemap__clamp01(x - (double)cell);
-    return cell;
-}
-
 static void conemap__lay(const conemap_info *info, int width, int height, double shift, const double at[2],
                          const double v[2], conemap__lattice *l) {
     int cells_u = shift > 0.0 ? conemap__cell_count(width, info->wrap_u) : width;
     int cells_v = shift > 0.0 ? conemap__cell_count(height, info->wrap_v) : height;
-    l->base_i = conemap__lattice_axis(at[0], width, info->wrap_u, shift, cells_u, &l->px);
-    l->base_j = conemap__lattice_axis(at[1], height, info->wrap_v, shift, cells_v, &l->py);
+    l->base_i = conemap__enter_cells(at[0], width, info->wrap_u, shift, cells_u, &l->px);
+    l->base_j = conemap__enter_cells(at[1], height, info->wrap_v, shift, cells_v, &l->py);
     l->vx = v[0] * (double)width;
     l->vy = v[1] * (double)height;
     l->i = l->j = 0;
@@ -11010,7 +10990,7 @@ static void conemap__lay(const conemap_info *info, int width, int height, double
 static int conemap__narrow(double o, double v, double low, double high, int axis, double *t0, double *t1, int *side) {
     double a, b;
     if (v == 0.0) return o >= low && o <= high;
-    if (low <= -CONEMAP__EVER && high >= CONEMAP__EVER) return 1;
+    if (low <= -CONEMAP__NEVER && high >= CONEMAP__NEVER) return 1;
     a = ((v > 0.0 ? low : high) - o) / v;
     b = ((v > 0.0 ? high : low) - o) / v;
     if (a > *t0) {
@@ -11026,7 +11006,7 @@ static int conemap__narrow(double o, double v, double low, double high, int axis
 static int conemap__take_off(const conemap__scene *scene, const double o[2], const double v[2], const double z[3],
                              double t_min, double t_max, conemap__course *f) {
     const conemap_info *info = &scene->map[0]->info;
-    double t0 = t_min, t1 = t_max == 0.0 || t_max > (double)CONEMAP__FAR ? CONEMAP__EVER : t_max, leave, reach, at[2];
+    double t0 = t_min, t1 = t_max == 0.0 || t_max > (double)CONEMAP__FAR ? CONEMAP__NEVER : t_max, leave, reach, at[2];
     int k, relaxed = 0;
     memset(f, 0, sizeof *f);
     f->scene = scene;
@@ -11040,12 +11020,12 @@ static int conemap__take_off(const conemap__scene *scene, const double o[2], con
     if (z[0] + (z[1] + z[2] * t0) * t0 < 0.0) { /* up to the floor, through which it comes in */
         conemap__quadratic below = {-(z[0] + (z[1] + z[2] * t0) * t0), -(z[1] + 2.0 * z[2] * t0), -z[2]};
         double up = conemap__first_zero(below, leave - t0);
-        if (up >= CONEMAP__EVER) return 0;
+        if (up >= CONEMAP__NEVER) return 0;
         t0 += up;
         f->wall = 0;
     }
     f->end_status = leave < t1 ? CONEMAP_LEFT : CONEMAP_T_MAX;
-    reach = CONEMAP__FLIGHT_REACH / ((v[0] < 0.0 ? -v[0] : v[0]) * (double)info->width +
+    reach = CONEMAP__REACH / ((v[0] < 0.0 ? -v[0] : v[0]) * (double)info->width +
                                      (v[1] < 0.0 ? -v[1] : v[1]) * (double)info->height + 1e-30);
     if ((info->wrap_u == CONEMAP_WRAP || info->wrap_v == CONEMAP_WRAP) && leave - t0 > reach) {
         leave = t0 + reach;
@@ -11074,12 +11054,12 @@ static int conemap__take_off(const conemap__scene *scene, const double o[2], con
 }
 
 CONEMAP__INLINE double conemap__border(double p, double v, int cell) {
-    return v > 0.0 ? ((double)(cell + 1) - p) / v : v < 0.0 ? ((double)cell - p) / v : CONEMAP__EVER;
+    return v > 0.0 ? ((double)(cell + 1) - p) / v : v < 0.0 ? ((double)cell - p) / v : CONEMAP__NEVER;
 }
 
 /* Until when the flight stays in its present cells. */
 static double conemap__stay(conemap__course *f) {
-    double end = CONEMAP__EVER;
+    double end = CONEMAP__NEVER;
     int k;
     for (k = 0; k < f->lattices; ++k) {
         conemap__lattice *l = &f->lattice[k];
@@ -11166,12 +11146,12 @@ static double conemap__free_way(const conemap__course *f, double gap, double tan
     if (z > f->highest) {
         room.c = z - f->highest;
         room.b = rise;
-        return conemap__first_zero(room, CONEMAP__EVER);
+        return conemap__first_zero(room, CONEMAP__NEVER);
     }
     if (!f->cones || !(tangent > 0.0) || gap <= CONEMAP__LIFT || f->speed == 0.0) return 0.0;
     room.c = gap - CONEMAP__LIFT; /* the interpolated apex is off by 1e-7, as in TRACERS */
     room.b = rise - f->speed / tangent;
-    return conemap__first_zero(room, CONEMAP__EVER);
+    return conemap__first_zero(room, CONEMAP__NEVER);
 }
 
 /* Follows the flight to its first meeting. Returns how it ends; f->t is then where, f->solid whether inside. */
@@ -11190,14 +11170,14 @@ static conemap_status conemap__fly(conemap__course *f, int max_steps, int *steps
             way.a = f->z2 - way.a;
             t = conemap__first_zero(way, end - f->t);
             f->solid = gap <= 0.0 && was_hole;
-            if (t < CONEMAP__EVER) {
+            if (t < CONEMAP__NEVER) {
                 f->t += t;
                 return CONEMAP_HIT;
             }
         } else { /* the floor is all there is to meet */
             conemap__quadratic fall = {conemap__flight_z(f, f->t), conemap__flight_rise(f, f->t), f->z2};
             double t = conemap__first_zero(fall, end - f->t);
-            if (t < CONEMAP__EVER) {
+            if (t < CONEMAP__NEVER) {
                 f->t += t;
                 return CONEMAP_FLOOR;
             }
@@ -11212,7 +11192,7 @@ static conemap_status conemap__fly(conemap__course *f, int max_steps, int *steps
         if (next >= f->t_end) {
             double z = conemap__flight_z(f, f->t_end);
             f->t = f->t_end;
-            return f->t_end >= CONEMAP__EVER || z > 1.0 ? CONEMAP_LEFT : f->end_status;
+            return f->t_end >= CONEMAP__NEVER || z > 1.0 ? CONEMAP_LEFT : f->end_status;
         }
         conemap__fly_on(f, next > end ? next : end, end);
     }
@@ -11236,13 +11216,13 @@ static double conemap__horizon(conemap__course *f, double low, double high, doub
         way.c = gap;
         way.b = conemap__flight_rise(f, f->t) - ground.b;
         way.a = f->z2 - ground.a;
-        if (!hole && conemap__first_zero(way, end - f->t) < CONEMAP__EVER) {
+        if (!hole && conemap__first_zero(way, end - f->t) < CONEMAP__NEVER) {
             /* with ground - z0 - z2 t^2 = A + B t + C t^2 from t = 0: the greatest of A / t + B + C t */
             double c = ground.a - f->z2, b = ground.b - 2.0 * ground.a * f->t;
             double a = ground.c - f->z0 - (ground.b - ground.a * f->t) * f->t, rise = f->z1;
             if (a > 0.0 && f->t == 0.0) return high; /* begins inside */
             if (f->t > 0.0 && a / f->t + b + c * f->t > rise) rise = a / f->t + b + c * f->t;
-            if (end > 0.0 && end < CONEMAP__EVER && a / end + b + c * end > rise) rise = a / end + b + c * end;
+            if (end > 0.0 && end < CONEMAP__NEVER && a / end + b + c * end > rise) rise = a / end + b + c * end;
             if (a < 0.0 && c < 0.0) {
                 double t = sqrt(a / c);
                 if (t > f->t && t < end && a / t + b + c * t > rise) rise = a / t + b + c * t;
@@ -11619,7 +11599,7 @@ static void conemap__set_scene(const conemap_map *map, const conemap_effects *e,
 
 /* Cuts a box ray to the scene's rectangle; 0 if nothing is left. A ray that then ends at t_max has left. */
 static int conemap__cut_ray(const conemap__scene *scene, conemap_ray *ray) {
-    double t0 = (double)ray->t_min, t1 = CONEMAP__EVER;
+    double t0 = (double)ray->t_min, t1 = CONEMAP__NEVER;
     int side, axis;
     if (ray->t_max != 0.0f && conemap__finite(ray->t_max)) t1 = (double)ray->t_max;
     for (axis = 0; axis < 2; ++axis)
@@ -11663,7 +11643,7 @@ static void conemap__fly_ray(conemap__view *view, double from, int max_steps, co
     else
         hit->status = f.end_status;
     conemap__put_hit(r, f.t_start + f.t, hit);
-    if (f.t < CONEMAP__EVER) hit->z = (float)(z[0] + (z[1] + z[2] * (f.t_start + f.t)) * (f.t_start + f.t));
+    if (f.t < CONEMAP__NEVER) hit->z = (float)(z[0] + (z[1] + z[2] * (f.t_start + f.t)) * (f.t_start + f.t));
     hit->inside = hit->status == CONEMAP_HIT && f.solid;
     view->wall = hit->inside ? f.wall : 0;
 }
@@ -11681,15 +11661,15 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
     over.c *= sign;
     over.b *= sign;
     over.a *= sign;
-    t = conemap__first_zero(over, CONEMAP__EVER);
+    t = conemap__first_zero(over, CONEMAP__NEVER);
     memset(hit, 0, sizeof *hit);
     hit->status = CONEMAP_LEFT;
     /* rays begin on the base often enough, and then a little behind it */
-    if (t < (double)r->t_min) t = t < (double)r->t_min * (1.0 - 1e-4) ? CONEMAP__EVER : (double)r->t_min;
+    if (t < (double)r->t_min) t = t < (double)r->t_min * (1.0 - 1e-4) ? CONEMAP__NEVER : (double)r->t_min;
     if (r->t_max != 0.0f && t > (double)r->t_max) {
         hit->status = CONEMAP_T_MAX;
         t = (double)r->t_max;
-    } else if (t < CONEMAP__EVER) {
+    } else if (t < CONEMAP__NEVER) {
         const conemap__scene *s = &view->scene;
         double u = (double)r->origin[0] + t * (double)r->direction[0];
         double v = (double)r->origin[1] + t * (double)r->direction[1];
@@ -11744,7 +11724,7 @@ static void conemap__prepare(const conemap_map *map, const conemap_effects *e, c
 
 /* The side of the scene's rectangle that an `inside` hit lies on. */
 static int conemap__side_hit(const conemap__scene *scene, const conemap_ray *ray, const conemap_hit *hit) {
-    double o[2], t0 = 0.0, t1 = CONEMAP__EVER;
+    double o[2], t0 = 0.0, t1 = CONEMAP__NEVER;
     int side = 0, axis;
     o[0] = (double)ray->origin[0];
     o[1] = (double)ray->origin[1];
@@ -12051,8 +12031,6 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__APEX_SLACK
 #undef CONEMAP__NOWHERE
 #undef CONEMAP__LIFT
-#undef CONEMAP__EVER
-#undef CONEMAP__FLIGHT_REACH
 #undef CONEMAP__CHUNK
 #undef CONEMAP__KERNEL_LIST
 #undef CONEMAP__MET
