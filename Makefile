@@ -54,8 +54,9 @@ build/%.o: tests/%.c $(wildcard tests/*.h tests/golden/*.h) conemap.h | build
 build/tests: $(TESTS:tests/%.c=build/%.o)
 	$(CC) $(CFLAGS) $^ -o $@ $(LINK)
 
-test: build/tests
-	@./build/tests $(TEST)
+test:
+	@$(MAKE) -s $(if $(findstring j,$(MAKEFLAGS)),,-j2) build/tests
+	@sh tests/run.sh $(TEST)
 
 # The golden files are what the emitter writes; those in C are compiled into the tests and run there.
 sync: build/tests

@@ -1,4 +1,5 @@
-/* Runs every test:  tests [filter]   where the filter is part of "area/name". */
+/* Runs every test:  tests [filter [share shares]]   where the filter is part of "area/name"; of `shares` processes, each
+   of which runs every so many tests, this is number `share`, from 0. */
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -102,7 +103,8 @@ int main(int argument_count, char **arguments)
 #endif
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
-    int passed = 0, failed = 0, area;
+    int share = argument_count > 3 ? atoi(arguments[2]) : 0, shares = argument_count > 3 ? atoi(arguments[3]) : 1;
+    int passed = 0, failed = 0, number = 0, area;
 
     for (area = 0; area < (int)(sizeof areas / sizeof areas[0]); ++area) {
         int area_passed = 0, area_failed = 0, k;
@@ -111,6 +113,7 @@ int main(int argument_count, char **arguments)
             char name[128];
             snprintf(name, sizeof name, "%s/%s", areas[area].name, areas[area].cases[k].name);
             if (filter && !strstr(name, filter)) continue;
+            if (number++ % shares != share) continue;
             running_name = name;
             running_failures = 0;
             areas[area].cases[k].run();
