@@ -424,6 +424,7 @@ static void visit_bake(const conemap_map *map, const conemap_desc *desc)
     const int cone_only = map->info.texture.layout == CONEMAP_CONE_ONLY;
     memset(again, 0x5a, size);
     CHECK(conemap_save(map, bytes, size) == CONEMAP_OK, "save");
+    CHECK(bytes[12] == 100, "the file header's size, which tests/long/fuzz.c repeats, is %d", (int)bytes[12]);
     CHECK(conemap_save(map, again, size) == CONEMAP_OK && !memcmp(bytes, again, size), "save, twice");
     CHECK(conemap_save(map, again, size - 1) == CONEMAP_ERROR_BUFFER, "save into too little");
     memset(&info, 0xee, sizeof info);
