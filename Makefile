@@ -51,6 +51,8 @@ $(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c $(wildcard examples
 build/%.o: tests/%.c $(wildcard tests/*.h tests/golden/*.h) conemap.h | build
 	$(COMPILE) -c $< -o $@
 
+build/static_%.o: CFLAGS = -O0 # whole copies of the library of which little runs
+
 build/tests: $(TESTS:tests/%.c=build/%.o)
 	$(CC) $(CFLAGS) $^ -o $@ $(LINK)
 
