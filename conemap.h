@@ -7762,6 +7762,7 @@ static const conemap__word conemap__words[] = {
     {"vec4", "float4", "float4", "conemap_vec4", "conemap_make_vec4"},
     {"ivec2", "int2", "int2", "conemap_ivec2", "conemap_make_ivec2"},
     {"ivec4", "int4", "int4", "conemap_ivec4", "conemap_ivec4"},
+    {"mat4", "float4x4", "float4x4", "mat4", "mat4"},
     {"float", "float", "float", "float", "(float)"},
     {"int", "int", "int", "int", "(int)"},
     {"clamp", "clamp", "clamp", "clamp", "conemap_clampi"},
@@ -11304,7 +11305,7 @@ static const char conemap__frusta_head[] =
     "?glsl,from_uniforms layout(std140$FRUSTA_LAYOUT) uniform conemap_frusta_block {\n"
     "?glsl,from_uniforms     ivec4 $FRUSTA_NAME[$ROWS];\n"
     "?glsl,from_block };\n"
-    "?glsl,from_texture $FRUSTA_LAYOUTuniform highp isampler2D $FRUSTA_NAME;\n"
+    "?glsl,from_texture $FRUSTA_LAYOUTuniform $HIGHPisampler2D $FRUSTA_NAME;\n"
     "?glsl,from_texels $FRUSTA_LAYOUTuniform isamplerBuffer $FRUSTA_NAME;\n"
     "?hlsl,from_buffer StructuredBuffer<int4> $FRUSTA_NAME$FRUSTA_LAYOUT;\n"
     "?hlsl,from_texels Buffer<int4> $FRUSTA_NAME$FRUSTA_LAYOUT;\n"
@@ -11525,6 +11526,7 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
                                                               : "texelFetch($FRUSTA_NAME, 9 * frustum + row)")
                            : "texelFetch($FRUSTA_NAME, ivec2(9 * (frustum % across) + row, frustum / across), 0)");
     conemap__append_int(conemap__piece_new(e, "ROWS", 0), size, 9 * d->uniform_count);
+    conemap__piece_set(e, "HIGHP", 1, f[conemap__flag_es] ? "highp " : "");
     out = conemap__piece_new(e, "CORNERS", 0);
     conemap__append(out, size, f[conemap__flag_c] || hlsl ? "static const int corners[36] = {" : "const int corners[36] = int[36](");
     conemap__append(out, size, corners);

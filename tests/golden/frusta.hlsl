@@ -7,7 +7,7 @@
 StructuredBuffer<int4> conemap_frusta : register(t1);
 Texture2D<float2> conemap_map : register(t0);
 cbuffer conemap_camera : register(b0) {
-    mat4 conemap_view_projection;
+    float4x4 conemap_view_projection;
     float4 conemap_eye;
     int conemap_first;
 };
