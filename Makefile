@@ -62,7 +62,7 @@ test:
 
 # The golden files are what the emitter writes; those in C are compiled into the tests and run there.
 sync: build/tests
-	@CONEMAP_SYNC=1 ./build/tests emit/golden
+	@CONEMAP_SYNC=1 ./build/tests /golden
 	@$(MAKE) -s build/tests
 
 demo: build/bake build/render build/inspect | out

@@ -60,6 +60,7 @@
        E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
        F R U S T A                 skinning, the relief's shell, a tree of boxes
+       E M I T T E D   F R U S T A shaders that ray-cast packed frusta
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -1140,6 +1141,79 @@ CONEMAP_API conemap_result conemap_frustum_span(const conemap_frustum *frustum, 
 CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
                                                   const conemap_skeleton_trace_desc *desc, const conemap_ray *rays,
                                                   conemap_skeleton_hit *hits, int count);
+
+/* Frusta on the GPU: shaders that draw the packed frusta of a skeleton as they are traced here, [BJCW09 section 4] with
+   the bounds made in the vertex stage. There are no vertex buffers: upload skeleton.frusta (144 bytes each, after every
+   update), draw 36 vertices an instance, one instance a frustum, with one winding culled and the depth test on:
+
+       conemap_frusta_shader_desc shader = {0};     // GLSL 330, plain frusta
+       shader.relief = 1;                           // and with the relief of a map that wraps in u
+       shader.map = map.info;
+       shader.stage = CONEMAP_FRUSTA_VERTEX;        // then CONEMAP_FRUSTA_FRAGMENT
+       conemap_emit_frusta(&shader, NULL, 0, &size);
+       conemap_emit_frusta(&shader, text, size, NULL);
+
+   FUNCTIONS to paste are
+       conemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max)
+       conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees
+       vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
+   or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
+
+   Single precision. Rays are followed in the frustum's own frame, from the bounds on where they were drawn, so that an
+   error is a few 2^-24 of the frustum's size and its shell's, however far away the eye is. conemap_trace_frusta begins
+   at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). */
+typedef enum conemap_frusta_stage {
+    CONEMAP_FRUSTA_FUNCTIONS = 0, /* to paste behind the host's own #version */
+    CONEMAP_FRUSTA_VERTEX,        /* a whole vertex shader */
+    CONEMAP_FRUSTA_FRAGMENT,      /* a whole fragment shader, with depth: see `shade` */
+    CONEMAP_FRUSTA_STAGE_COUNT
+} conemap_frusta_stage;
+
+typedef enum conemap_frusta_source { /* what the frusta are read from, always as integers (floats can lose small ones) */
+    CONEMAP_FRUSTA_DEFAULT = 0,  /* BUFFER, but TEXELS in GLSL 330 and TEXTURE in ES */
+    CONEMAP_FRUSTA_BUFFER,       /* storage buffer (std430), structured buffer. Not GLSL 330 and ES 300 */
+    CONEMAP_FRUSTA_UNIFORMS,     /* uniform block (std140), constant buffer */
+    CONEMAP_FRUSTA_TEXTURE,      /* RGBA32I texture: nine texels a frustum, floor(width / 9) frusta a row. Not HLSL */
+    CONEMAP_FRUSTA_TEXELS,       /* buffer texture, RGBA32I. Not ES */
+    CONEMAP_FRUSTA_SOURCE_COUNT
+} conemap_frusta_source;
+
+typedef struct conemap_frusta_shader_desc {
+    conemap_dialect dialect;     /* C99: FUNCTIONS with fetch_frusta, and a prefix where conemap.h is included */
+    conemap_frusta_stage stage;
+    conemap_frusta_source source;
+    int uniform_count;           /* UNIFORMS: frusta in the block; 0: 113, which are 16 KiB. 1..455 */
+
+    int relief;                  /* nonzero: the relief of `map`; 0: plain frusta */
+    conemap_info map;            /* what the texture holds: a built map's info. Wraps in u, wraps or clamps in v */
+    int fixed_size;              /* nonzero: map.width and map.height are written as constants */
+    conemap_filter filter;       /* GATHER: not GLSL 330, ES 300. HARDWARE: a sampler that wraps as the map does, 8-bit
+                                    weights. Both not per_cell */
+    float height;                /* without relief: as in conemap_skeleton_trace_desc, like these: */
+    conemap_march march;
+    int steps, refine_steps, linear_v;
+    int any_hit;                 /* FUNCTIONS */
+    float blend;                 /* conemap_skeleton_desc.blend; 0: creases, and far fewer reads */
+
+    const char *shade;           /* FRAGMENT: a function of the host, `vec4 NAME(conemap_frustum_hit hit)`, whose answer
+                                    goes to the target. Null: to the first target the shading normal and the height w in
+                                    the shell, to the second u and v of the map, the frustum, and t */
+    int depth_only;              /* FRAGMENT, nonzero: no target, for shadow maps */
+    int zero_to_one;             /* nonzero: OpenGL with clip space z in 0..1 (glClipControl) */
+
+    int set, binding, sampler_binding; /* as in conemap_shader_desc: the map's textures, then the frusta. HLSL: constant
+                                    buffers are registers b: UNIFORMS, then the camera. Vulkan: it is push constants */
+    const char *prefix;          /* of every emitted name; null: "conemap" */
+    const char *frusta_name;     /* null: prefix_frusta */
+    const char *map_name, *heights_name, *sampler_name; /* as in conemap_shader_desc */
+    const char *fetch;           /* FUNCTIONS: as in conemap_shader_desc; with fixed_size, FETCH */
+    const char *fetch_frusta;    /* FUNCTIONS: row 0..8 of a frustum, `ivec4 NAME(int frustum, int row)` */
+} conemap_frusta_shader_desc;
+
+/* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or ends
+   with NOTHING in v; cone steps over relaxed cones or with linear_v. Thread-safe, allocates nothing. */
+CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text, size_t capacity,
+                                               size_t *size);
 
 /* ======================================================================================================
    E F F E C T S
@@ -7265,7 +7339,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
    it names; the emitter follows these names from conemap_trace and writes what it met, needed ones first. So nothing
    unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
-     @move         lines that several tracers share
+     @move         lines that several tracers share; @<move the same, written four spaces to the left
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
    ====================================================================================================== */
@@ -7277,7 +7351,9 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart)           \
     X(debug) X(cone_texel) X(fragment) X(compute) X(located) X(uses_map) X(uses_heights) X(uses_maxima)             \
     X(sampler) X(arguments) X(discards) X(host_maxima) X(external) X(version) X(solves) X(kernel) X(ring)           \
-    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
+    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)                                             \
+    X(relief) X(cone_march) X(steps_march) X(linear_v) X(blends) X(vertex) X(camera) X(shaded) X(coded) X(halved)   \
+    X(from_host) X(host_lines) X(from_buffer) X(from_uniforms) X(from_texture) X(from_texels) X(from_block)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7478,6 +7554,7 @@ static const conemap__snippet conemap__snippets[] = {
      "?half     return max(stored * (1.0f - 1.0f / 1024.0f) - 6e-8f, 0.0f); // a half float is nearer than that\n"
      "?!unorm,!half     return stored;\n"
      "}\n"},
+    {NULL, NULL},
 };
 
 /* conemap_trace: a head, the loop of one tracer, a tail. The ray flies through the cell between texels (i, j) and
@@ -7685,6 +7762,7 @@ static const conemap__word conemap__words[] = {
     {"vec4", "float4", "float4", "conemap_vec4", "conemap_make_vec4"},
     {"ivec2", "int2", "int2", "conemap_ivec2", "conemap_make_ivec2"},
     {"ivec4", "int4", "int4", "conemap_ivec4", "conemap_ivec4"},
+    {"mat4", "float4x4", "float4x4", "mat4", "mat4"},
     {"float", "float", "float", "float", "(float)"},
     {"int", "int", "int", "int", "(int)"},
     {"clamp", "clamp", "clamp", "clamp", "conemap_clampi"},
@@ -7703,21 +7781,26 @@ typedef struct conemap__piece {
     char text[CONEMAP__PIECE_SIZE];
 } conemap__piece;
 
-#define CONEMAP__PIECES 96
+#define CONEMAP__PIECES 128
 #define CONEMAP__NAME_SIZE 64
+#define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
+#define CONEMAP__TABLE_SIZE 64 /* snippets in one at most */
+#define CONEMAP__GIVEN 8       /* names that a host can give */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
     char *text;
     size_t size, capacity;
     unsigned char flags[conemap__flag_count];
-    unsigned char written[sizeof conemap__snippets / sizeof conemap__snippets[0]];
+    const conemap__snippet *tables[CONEMAP__TABLES]; /* where snippets are looked up after conemap__snippets; or null */
+    unsigned char written[CONEMAP__TABLES][CONEMAP__TABLE_SIZE];
     conemap__piece pieces[CONEMAP__PIECES];
     int piece_count;
     const char *prefix;
-    const char *given[7];                   /* the host's names, or null */
+    const char *given[CONEMAP__GIVEN];      /* the host's names, or null */
     char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
     int commenting;
+    int shift; /* how far lines are written to the left */
     int clash; /* a word of the text is also a name of the host's */
 } conemap__emitter;
 
@@ -7825,7 +7908,7 @@ static void conemap__token(conemap__emitter *e, const char *token, size_t length
         break;
     }
     if (!e->commenting && !needs)
-        for (k = 0; k < 7; ++k) e->clash |= e->given[k] && conemap__same(e->given[k], token, length);
+        for (k = 0; k < CONEMAP__GIVEN; ++k) e->clash |= e->given[k] && conemap__same(e->given[k], token, length);
     if (needs) {
         if (!e->commenting) conemap__snippet_named(e, token, length);
     } else if (length > 8 && strncmp(token, "conemap_", 8) == 0) {
@@ -7888,10 +7971,16 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
             ++text;
         }
         if (wanted && *text == '@') { /* a piece of several lines */
-            const char *part = text[1] == 'm' ? conemap__move_text : text[1] == 's' ? conemap__surface_text : conemap__cone_text;
+            const int shift = text[1] == '<' ? 4 : 0;
+            const char kind = text[shift ? 2 : 1];
+            const char *part = kind == 'm' ? conemap__move_text : kind == 's' ? conemap__surface_text : conemap__cone_text;
+            e->shift += shift;
             conemap__lines(e, part, needs);
+            e->shift -= shift;
             while (*text && *text != '\n') ++text;
         } else if (wanted) {
+            int k;
+            for (k = 0; k < e->shift && *text == ' '; ++k) ++text;
             text = conemap__expand(e, text, needs);
             if (!needs) conemap__put(e, "\n", 1);
         } else {
@@ -7903,14 +7992,20 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
 
 /* Writes the snippet of that name, if there is one, once, and before it what it needs. */
 static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t length) {
-    int k;
-    for (k = 0; k < (int)(sizeof conemap__snippets / sizeof conemap__snippets[0]); ++k) {
-        if (e->written[k] || !conemap__same(conemap__snippets[k].name, name, length)) continue;
-        e->written[k] = 1;
-        conemap__lines(e, conemap__snippets[k].text, 1);
-        conemap__lines(e, conemap__snippets[k].text, 0);
-        conemap__put(e, "\n", 1);
+    const int shift = e->shift;
+    int table, k;
+    e->shift = 0;
+    for (table = 0; table < CONEMAP__TABLES; ++table) {
+        const conemap__snippet *snippet = table ? e->tables[table] : conemap__snippets;
+        for (k = 0; snippet && snippet->name; ++k, ++snippet) {
+            if (e->written[table][k] || !conemap__same(snippet->name, name, length)) continue;
+            e->written[table][k] = 1;
+            conemap__lines(e, snippet->text, 1);
+            conemap__lines(e, snippet->text, 0);
+            conemap__put(e, "\n", 1);
+        }
     }
+    e->shift = shift;
 }
 
 /* What stands before and behind the functions. */
@@ -10552,6 +10647,957 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
         }
     }
     return result;
+}
+
+/* ======================================================================================================
+   E M I T T E D   F R U S T A
+
+   Snippets of their own for the EMITTER: the same arithmetic as FRUSTUM RAYS and FRUSTA, in single precision.
+   ====================================================================================================== */
+
+static const conemap__snippet conemap__frusta_snippets[] = {
+    {"conemap_real",
+     "?c static float conemap_real(int bits) {\n"
+     "?c     union {\n"
+     "?c         int whole;\n"
+     "?c         float real;\n"
+     "?c     } both;\n"
+     "?c     both.whole = bits;\n"
+     "?c     return both.real;\n"
+     "?c }\n"},
+    {"conemap_frustum",
+     "$STRUCT conemap_frustum {\n"
+     "    vec4 axis_x, axis_y, axis_z; // unit axes; the origin's coordinates\n"
+     "    vec4 lower, upper; // cutting planes y = a x + b z + c; slope of the normal there\n"
+     "    vec4 radii; // of the inner cone at y = 0, its growth; thickness of the shell there, its growth\n"
+     "    vec4 extent; // length of the axis; start and size in the map's v; twist\n"
+     "    ivec4 links; // parent, child, branch, sibling\n"
+     "    ivec4 more; // flags, u_repeat, user\n"
+     "?c } conemap_frustum;\n"
+     "?!c };\n"},
+    {"conemap_real4",
+     "$FNvec4 conemap_real4(ivec4 bits) {\n"
+     "    return vec4($REAL(bits.x), $REAL(bits.y), $REAL(bits.z), $REAL(bits.w));\n"
+     "}\n"},
+    {"conemap_row",
+     "// One of a frustum's nine rows, as integers: as floats, a unit could flush its small ones to 0.\n"
+     "$FNivec4 conemap_row(int frustum, int row) {\n"
+     "?from_texture     int across = textureSize($FRUSTA_NAME, 0).x / 9;\n"
+     "    return $ROW;\n"
+     "}\n"},
+    {"conemap_load",
+     "$FNconemap_frustum conemap_load(int frustum) {\n"
+     "    conemap_frustum f;\n"
+     "    f.axis_x = conemap_real4(conemap_row(frustum, 0));\n"
+     "    f.axis_y = conemap_real4(conemap_row(frustum, 1));\n"
+     "    f.axis_z = conemap_real4(conemap_row(frustum, 2));\n"
+     "    f.lower = conemap_real4(conemap_row(frustum, 3));\n"
+     "    f.upper = conemap_real4(conemap_row(frustum, 4));\n"
+     "    f.radii = conemap_real4(conemap_row(frustum, 5));\n"
+     "    f.extent = conemap_real4(conemap_row(frustum, 6));\n"
+     "    f.links = conemap_row(frustum, 7);\n"
+     "    f.more = conemap_row(frustum, 8);\n"
+     "    return f;\n"
+     "}\n"},
+    {"conemap_into",
+     "// A direction of the world in the frustum's frame.\n"
+     "$FNvec3 conemap_into(conemap_frustum f, vec3 d) {\n"
+     "    return vec3(f.axis_x.x * d.x + f.axis_x.y * d.y + f.axis_x.z * d.z,\n"
+     "                f.axis_y.x * d.x + f.axis_y.y * d.y + f.axis_y.z * d.z,\n"
+     "                f.axis_z.x * d.x + f.axis_z.y * d.y + f.axis_z.z * d.z);\n"
+     "}\n"},
+    {"conemap_place_into",
+     "$FNvec3 conemap_place_into(conemap_frustum f, vec3 p) {\n"
+     "    return conemap_into(f, vec3(p.x - f.axis_x.w, p.y - f.axis_y.w, p.z - f.axis_z.w));\n"
+     "}\n"},
+    {"conemap_out_of",
+     "// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.\n"
+     "$FNvec3 conemap_out_of(conemap_frustum f, vec3 n) {\n"
+     "    return vec3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,\n"
+     "                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,\n"
+     "                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);\n"
+     "}\n"},
+    {"conemap_place_out_of",
+     "$FNvec3 conemap_place_out_of(conemap_frustum f, vec3 p) {\n"
+     "    vec4 x = f.axis_x, y = f.axis_y, z = f.axis_z;\n"
+     "    vec3 d = conemap_out_of(f, vec3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),\n"
+     "                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),\n"
+     "                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));\n"
+     "    return vec3(x.w + d.x, y.w + d.y, z.w + d.z);\n"
+     "}\n"},
+    {"conemap_unit",
+     "$FNvec3 conemap_unit(vec3 n) {\n"
+     "    float by = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);\n"
+     "    by = by > 0.0f ? 1.0f / by : 0.0f;\n"
+     "    return vec3(n.x * by, n.y * by, n.z * by);\n"
+     "}\n"},
+    {"conemap_cut",
+     "// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its "
+     "growth) in the\n"
+     "// direction in which the plane rises by `tilt`.\n"
+     "$FNfloat conemap_cut(vec4 plane, float tilt, vec2 cone, float base) {\n"
+     "    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0f - cone.y * tilt);\n"
+     "}\n"},
+    {"conemap_corner",
+     "// Corner 0..7 of the pyramid around the shell, cut by the planes, in the frame.\n"
+     "$FNvec3 conemap_corner(conemap_frustum f, int corner) {\n"
+     "    float sx = (corner & 3) == 1 || (corner & 3) == 2 ? 1.0f : -1.0f, sz = (corner & 3) >= 2 ? 1.0f : -1.0f;\n"
+     "    vec2 cone = vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);\n"
+     "    float low = conemap_cut(f.lower, f.lower.x * sx + f.lower.y * sz, cone, 0.0f);\n"
+     "    float y = corner < 4 ? low : conemap_cut(f.upper, f.upper.x * sx + f.upper.y * sz, cone, 0.0f);\n"
+     "    float reach = max(cone.x + cone.y * y, 0.0f);\n"
+     "    return vec3(sx * reach, y, sz * reach);\n"
+     "}\n"},
+    {"conemap_half",
+     "// Narrows (from, to, face) to where g + gv t >= 0; a ray that enters there enters through `face`.\n"
+     "$FNvec3 conemap_half(vec3 span, float g, float gv, float face) {\n"
+     "    float t = gv != 0.0f ? -g / gv : 0.0f;\n"
+     "    if (gv > 0.0f && t > span.x) span = vec3(t, span.y, face);\n"
+     "    if (gv < 0.0f) span.y = min(span.y, t);\n"
+     "    if (gv == 0.0f && g < 0.0f) span.y = -1e30f;\n"
+     "    return span;\n"
+     "}\n"},
+    {"conemap_span",
+     "// Where a ray of the frame is between the cutting planes and inside a cone (radius at y = 0, its "
+     "growth): from, to, and\n"
+     "// the face that it enters through, 0 the cone, 1 the lower plane, 2 the upper; nowhere if from > to. "
+     "The quadratic is\n"
+     "// set up where the ray is nearest to the axis, its discriminant from the ray's moment about the axis, "
+     "and solved in\n"
+     "// the form that does not cancel. There is no apex, so cylinders are nothing special, and no mirrored nappe.\n"
+     "$FNvec3 conemap_span(conemap_frustum f, vec2 cone, vec3 o, vec3 v, float t_min, float t_max) {\n"
+     "    float seam = 1e-6f * (f.extent.x + cone.x); // by so much neighbours overlap: rounding opens no gap\n"
+     "    vec3 span = vec3(t_min, t_max, 0.0f);\n"
+     "    span = conemap_half(span, o.y - f.lower.x * o.x - f.lower.y * o.z - f.lower.z + seam,\n"
+     "                        v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);\n"
+     "    span = conemap_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,\n"
+     "                        f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);\n"
+     "    if (span.x > span.y) return vec3(1.0f, 0.0f, 0.0f);\n"
+     "    float across = v.x * v.x + v.z * v.z;\n"
+     "    float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;\n"
+     "    at = min(max(at, span.x), span.y);\n"
+     "    float x = o.x + at * v.x, y = o.y + at * v.y, z = o.z + at * v.z, d = sqrt(x * x + z * z);\n"
+     "    float radius = cone.x + cone.y * y, growth = cone.y * v.y, along = x * v.x + z * v.z;\n"
+     "    vec3 inside = conemap_half(vec3(span.x - at, span.y - at, span.z), radius, growth, 0.0f);\n"
+     "    float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);\n"
+     "    float reach = sqrt(across) * radius, moment = abs(x * v.z - z * v.x);\n"
+     "    float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);\n"
+     "    if (root < 0.0f && a > 0.0f) return vec3(1.0f, 0.0f, 0.0f); // passes beside\n"
+     "    root = sqrt(max(root, 0.0f));\n"
+     "    float q = b < 0.0f ? root - b : -root - b;\n"
+     "    float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;\n"
+     "    float first = min(one, two), second = max(one, two);\n"
+     "    if (a < 0.0f) { // steeper than the cone: inside it beyond one root, the other is the mirrored nappe's\n"
+     "        second = growth > 0.0f ? 1e30f : first;\n"
+     "        first = growth > 0.0f ? max(one, two) : -1e30f;\n"
+     "    }\n"
+     "    if (a == 0.0f && q == 0.0f) { // along its straight lines\n"
+     "        first = -1e30f;\n"
+     "        second = c > 0.0f ? -1e30f : 1e30f;\n"
+     "    }\n"
+     "    if (first > inside.x) inside = vec3(first, inside.y, 0.0f);\n"
+     "    inside.y = min(inside.y, second);\n"
+     "    if (inside.x > inside.y) return vec3(1.0f, 0.0f, 0.0f);\n"
+     "    return vec3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);\n"
+     "}\n"},
+    {"conemap_turns",
+     "// The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.\n"
+     "$FNfloat conemap_turns(float x, float z) {\n"
+     "    float ax = abs(x), az = abs(z), large = max(ax, az), a = large > 0.0f ? min(ax, az) / large : 0.0f;\n"
+     "    float base = a > 0.414213562f ? 0.125f : 0.0f; // turned back by an eighth\n"
+     "    if (base > 0.0f) a = (a - 1.0f) / (a + 1.0f);\n"
+     "    float s = a * a;\n"
+     "    float turns = base + a * (0.15915485f + s * (-0.05303445f + s * (0.03131805f - s * 0.01766679f)));\n"
+     "    if (ax > az) turns = 0.25f - turns;\n"
+     "    if (z < 0.0f) turns = 0.5f - turns;\n"
+     "    return x < 0.0f ? 1.0f - turns : turns;\n"
+     "}\n"},
+    {"conemap_uvw",
+     "$STRUCT conemap_uvw { // a place in a frustum, with what it was computed from\n"
+     "    float u, v, w;\n"
+     "    float d, sine, cosine, thickness; // distance from the axis, direction from it; of the shell there\n"
+     "    vec2 cone; // that of the shell that goes through the place\n"
+     "    float low, high; // y where its straight line there meets the cutting planes\n"
+     "?c } conemap_uvw;\n"
+     "?!c };\n"},
+    {"conemap_locate",
+     "$FNconemap_uvw conemap_locate(conemap_frustum f, vec3 p) {\n"
+     "    conemap_uvw at;\n"
+     "    at.d = sqrt(p.x * p.x + p.z * p.z);\n"
+     "    at.sine = at.d > 0.0f ? p.x / at.d : 0.0f;\n"
+     "    at.cosine = at.d > 0.0f ? p.z / at.d : 1.0f;\n"
+     "    at.thickness = f.radii.z + f.radii.w * p.y;\n"
+     "    at.w = at.d - (f.radii.x + f.radii.y * p.y);\n"
+     "    if (at.thickness > 0.0f) at.w = at.w / at.thickness;\n"
+     "    float w = at.thickness > 0.0f ? min(max(at.w, -0.5f), 1.5f) : 0.0f;\n"
+     "    at.cone = vec2(f.radii.x + w * f.radii.z, f.radii.y + w * f.radii.w);\n"
+     "    at.low = conemap_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0f);\n"
+     "    at.high = conemap_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0f);\n"
+     "    at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;\n"
+     "    at.u = conemap_turns(p.x, p.z);\n"
+     "    return at;\n"
+     "}\n"},
+    {"conemap_map_place",
+     "// The map's u and v, not wrapped.\n"
+     "$FNvec2 conemap_map_place(conemap_frustum f, float u, float v) {\n"
+     "    float clamped = min(max(v, 0.0f), 1.0f);\n"
+     "    return vec2((u + clamped * f.extent.w) * float(f.more.y), f.extent.y + clamped * f.extent.z);\n"
+     "}\n"},
+    {"conemap_texels",
+     "// The same in texels, from the centre of texel (0, 0).\n"
+     "$FNvec2 conemap_texels(conemap_frustum f, float u, float v$SIZE_PARAMS) {\n"
+     "    vec2 at = conemap_map_place(f, u, v);\n"
+     "?!wrap_v     at.y = min(max(at.y, 0.0f), 1.0f);\n"
+     "?wrap_v     at.y -= floor(at.y);\n"
+     "    return vec2((at.x - floor(at.x)) * $FW - 0.5f, at.y * $FH - 0.5f);\n"
+     "}\n"},
+    {"conemap_relief",
+     "?cones // Height of the relief, and tangent of the cone there.\n"
+     "?!cones // Height of the relief.\n"
+     "$FN$RELIEF_TYPE conemap_relief(conemap_frustum f, float u, float v) {\n"
+     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+     "    vec2 at = conemap_texels(f, u, v$SIZE);\n"
+     "    int i = int(floor(at.x)), j = int(floor(at.y)), si = 1, sj = 1;\n"
+     "    float x = at.x - floor(at.x), y = at.y - floor(at.y);\n"
+     "@<surface\n"
+     "?cones @<cone\n"
+     "?cones     return vec2(height, $TANGENT);\n"
+     "?!cones     return height;\n"
+     "}\n"},
+    {"conemap_slopes",
+     "// Height of the relief, and what it grows by per turn of u and per v of the frustum.\n"
+     "$FNvec3 conemap_slopes(conemap_frustum f, float u, float v) {\n"
+     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+     "    vec2 at = conemap_texels(f, u, v$SIZE);\n"
+     "    int i = int(floor(at.x)), j = int(floor(at.y));\n"
+     "    float x = at.x - floor(at.x), y = at.y - floor(at.y);\n"
+     "    float a = conemap_texel(i, j$MAP)$DOT_HEIGHT, b = conemap_texel(i + 1, j$MAP)$DOT_HEIGHT;\n"
+     "    float c = conemap_texel(i, j + 1$MAP)$DOT_HEIGHT, d = conemap_texel(i + 1, j + 1$MAP)$DOT_HEIGHT;\n"
+     "    float low = b - a, high = d - c, by_u = (low + (high - low) * y) * $FW * float(f.more.y);\n"
+     "    float by_v = (c - a + (d - c - b + a) * x) * $FH * f.extent.z;\n"
+     "    return vec3(a + low * x + (c - a + (high - low) * x) * y, by_u, by_v + by_u * f.extent.w);\n"
+     "}\n"},
+    {"conemap_along",
+     "$FNvec3 conemap_along(vec3 o, vec3 v, float t) {\n"
+     "    return vec3(o.x + t * v.x, o.y + t * v.y, o.z + t * v.z);\n"
+     "}\n"},
+    {"conemap_above",
+     "// How far the ray is above the relief at t, in heights.\n"
+     "?!linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t) {\n"
+     "?linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t, vec4 piece) {\n"
+     "    conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
+     "?linear_v     if (piece.y > piece.x) at.v = piece.z + (piece.w - piece.z) * ((t - piece.x) / (piece.y - "
+     "piece.x));\n"
+     "    return at.w - conemap_relief(f, at.u, at.v)$DOT_RELIEF;\n"
+     "}\n"},
+    {"conemap_piece",
+     "// Piece k of n of a ray in the shell, along which v is taken for linear: t and v of its ends.\n"
+     "$FNvec4 conemap_piece(conemap_frustum f, vec3 o, vec3 v, vec2 range, int k, int n) {\n"
+     "    float a = range.x + (range.y - range.x) * (float(k) / float(n));\n"
+     "    float b = k + 1 < n ? range.x + (range.y - range.x) * (float(k + 1) / float(n)) : range.y;\n"
+     "    conemap_uvw from = conemap_locate(f, conemap_along(o, v, a)), to = conemap_locate(f, "
+     "conemap_along(o, v, b));\n"
+     "    return vec4(a, b, from.v, to.v);\n"
+     "}\n"},
+    {"conemap_pieces",
+     "// One for every 45 degrees between the cutting planes.\n"
+     "$FNint conemap_pieces(conemap_frustum f) {\n"
+     "    vec4 a = f.lower, b = f.upper;\n"
+     "    float c = (1.0f + a.x * b.x + a.y * b.y) / sqrt((1.0f + a.x * a.x + a.y * a.y) * (1.0f + b.x * b.x + "
+     "b.y * b.y));\n"
+     "    return c >= 0.7071f ? 1 : c >= 0.0f ? 2 : c >= -0.7071f ? 3 : 4;\n"
+     "}\n"},
+    {"conemap_shell",
+     "$STRUCT conemap_shell { // what bounds how fast the map's place changes along a ray\n"
+     "    float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis\n"
+     "    float by_turning, fixed_speed, span; // see conemap_bound_speed\n"
+     "?c } conemap_shell;\n"
+     "?!c };\n"},
+    {"conemap_thickness",
+     "// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.\n"
+     "$FNfloat conemap_thickness(conemap_frustum f, vec4 plane, vec2 cone, float side) {\n"
+     "    float tilt = abs(plane.x) + abs(plane.y), y = conemap_cut(plane, tilt, cone, 0.0f);\n"
+     "    float other = conemap_cut(plane, -tilt, cone, 0.0f), across = abs(plane.x) - abs(plane.y);\n"
+     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
+     "    other = conemap_cut(plane, across, cone, 0.0f);\n"
+     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
+     "    other = conemap_cut(plane, -across, cone, 0.0f);\n"
+     "    return f.radii.z + f.radii.w * (side > 0.0f ? max(y, other) : min(y, other));\n"
+     "}\n"},
+    {"conemap_bound_speed",
+     "// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r "
+     "+ k c) /\n"
+     "// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than\n"
+     "// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.\n"
+     "$FNconemap_shell conemap_bound_speed(conemap_frustum f, vec3 o, vec3 v) {\n"
+     "    conemap_shell s;\n"
+     "    vec2 inner = vec2(f.radii.x, f.radii.y), outer = vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);\n"
+     "    float lower = sqrt(f.lower.x * f.lower.x + f.lower.y * f.lower.y);\n"
+     "    float upper = sqrt(f.upper.x * f.upper.x + f.upper.y * f.upper.y);\n"
+     "    float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = max(lower, upper);\n"
+     "    float k = max(abs(inner.y), abs(outer.y)), rest = 1.0f - k * n, vy = abs(v.y);\n"
+     "    float c = max(abs(f.lower.z), abs(f.upper.z)), across = v.x * v.x + v.z * v.z;\n"
+     "    float low = conemap_thickness(f, f.lower, outer, -1.0f), high = conemap_thickness(f, f.upper, outer, 1.0f);\n"
+     "    float thinnest = min(low, high);\n"
+     "    s.turning = abs(v.x * o.z - o.x * v.z);\n"
+     "    s.nearest = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : 0.0f;\n"
+     "    s.by_turning = n * (max(inner.x, outer.x) + k * c) / (rest * rest);\n"
+     "    s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);\n"
+     "    s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0f + k * upper);\n"
+     "    s.fixed_speed = vy;\n"
+     "    if (n > 0.0f && thinnest > 0.0f)\n"
+     "        s.fixed_speed += n * max(low, high) / rest * ((sqrt(across) + (k + abs(f.radii.w)) * vy) / thinnest);\n"
+     "    if (n > 0.0f && !(thinnest > 0.0f)) s.span = 0.0f; // no bound\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_map_speed",
+     "// How fast the map's place changes at most, from t to t_end.\n"
+     "$FNfloat conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, float t, float t_end) {\n"
+     "    vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));\n"
+     "    float d2 = p.x * p.x + p.z * p.z;\n"
+     "    if (!(s.span > 0.0f) || !(d2 > 0.0f)) return 1e30f;\n"
+     "    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;\n"
+     "    float by_u = (angle * 0.159154943f + by_v * abs(f.extent.w)) * float(f.more.y);\n"
+     "    by_v *= abs(f.extent.z)$TIMES_ASPECT;\n"
+     "    return sqrt(by_u * by_u + by_v * by_v);\n"
+     "}\n"},
+    {"conemap_march",
+     "?steps_march // Equal steps, then halvings [BJCW09 section 3]: t where the ray meets the relief in a "
+     "range of t, at its end if\n"
+     "?steps_march // `solid`; 1e30: it does not.\n"
+     "?cone_march // Cone steps, none shorter than one of $CAP equal ones, then halvings: t where the ray "
+     "meets the relief in a range\n"
+     "?cone_march // of t, at its end if `solid`; 1e30: it does not. The ray is g above the cone's apex, in "
+     "the world's units, and\n"
+     "?cone_march // meets nothing while g + g' t > thickness speed t / tangent.\n"
+     "$FNfloat conemap_march(conemap_frustum f, vec3 o, vec3 v, vec2 range, bool solid) {\n"
+     "    float before = range.x, t = range.x;\n"
+     "    bool met = false;\n"
+     "?linear_v     int pieces = conemap_pieces(f), next = 1;\n"
+     "?linear_v     vec4 piece = conemap_piece(f, o, v, range, 0, pieces);\n"
+     "?cone_march     float least = (range.y - range.x) / float($CAP);\n"
+     "?cone_march     float thick_end = f.radii.z + f.radii.w * (o.y + range.y * v.y);\n"
+     "?cone_march     conemap_shell shell = conemap_bound_speed(f, o, v);\n"
+     "    for (int k = 0; k <= $CAP; ++k) {\n"
+     "?steps_march         t = k < $CAP ? range.x + (range.y - range.x) * (float(k) / float($CAP)) : range.y;\n"
+     "?linear_v         if (t > piece.y && next < pieces) {\n"
+     "?linear_v             piece = conemap_piece(f, o, v, range, next, pieces);\n"
+     "?linear_v             ++next;\n"
+     "?linear_v         }\n"
+     "?steps_march         met = (solid && k == $CAP) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
+     "?steps_march         if (met) break;\n"
+     "?steps_march         before = t;\n"
+     "?cone_march         conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
+     "?cone_march         vec2 relief = conemap_relief(f, at.u, at.v);\n"
+     "?cone_march         met = at.w <= relief.x || (solid && t >= range.y);\n"
+     "?cone_march         if (met || t >= range.y) break;\n"
+     "?cone_march         float apex = relief.x + 1.0f / 1048576.0f, g = (at.w - apex) * at.thickness;\n"
+     "?cone_march         float slope = at.sine * v.x + at.cosine * v.z - (f.radii.y + f.radii.w * apex) * v.y;\n"
+     "?cone_march         float closing = max(at.thickness, thick_end) * conemap_map_speed(f, shell, o, v, t, "
+     "range.y);\n"
+     "?cone_march         closing -= relief.y * slope;\n"
+     "?cone_march         before = t;\n"
+     "?cone_march         t += max(g <= 0.0f ? 0.0f : closing > 0.0f ? relief.y * g / closing : 1e30f, least);\n"
+     "?cone_march         if (t > range.y || k + 1 >= $CAP) t = range.y;\n"
+     "    }\n"
+     "    for (int n = 0; met && n < $REFINE_STEPS; ++n) {\n"
+     "        float middle = 0.5f * (before + t);\n"
+     "        bool over = conemap_above(f, o, v, middle$PIECE) > 0.0f;\n"
+     "        before = over ? middle : before;\n"
+     "        t = over ? t : middle;\n"
+     "    }\n"
+     "    return met ? t : 1e30f;\n"
+     "}\n"},
+    {"conemap_meet",
+     "?relief // t where a ray of the frame meets the frustum's relief, 1e30 where it does not, and the face; "
+     "see conemap_span.\n"
+     "?!relief // t where a ray of the frame meets the frustum, 1e30 where it does not, and the face; see "
+     "conemap_span.\n"
+     "$FNvec2 conemap_meet(conemap_frustum f, vec3 o, vec3 v, float t_min, float t_max) {\n"
+     "?!relief     vec2 cone = vec2(f.radii.x + $HEIGHT * f.radii.z, f.radii.y + $HEIGHT * f.radii.w);\n"
+     "?!relief     vec3 span = conemap_span(f, cone, o, v, t_min, t_max);\n"
+     "?!relief     return span.x <= span.y ? vec2(span.x, span.z) : vec2(1e30f, 0.0f);\n"
+     "?relief     vec3 inner = conemap_span(f, vec2(f.radii.x, f.radii.y), o, v, t_min, t_max), outer = inner;\n"
+     "?relief     bool solid = inner.x <= inner.y, shell = f.radii.z > 0.0f || f.radii.w > 0.0f;\n"
+     "?relief     if (shell) outer = conemap_span(f, vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, "
+     "t_min, t_max);\n"
+     "?relief     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell\n"
+     "?relief     float t = outer.x <= outer.y ? outer.x : 1e30f;\n"
+     "?relief     if (shell && outer.x <= outer.y)\n"
+     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid);\n"
+     "?relief     return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
+     "}\n"},
+    {"conemap_cut_gradient",
+     "// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.\n"
+     "$FNvec3 conemap_cut_gradient(conemap_frustum f, vec4 plane, conemap_uvw at, float y, vec3 angle, vec3 w) {\n"
+     "    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0f - at.cone.y * tilt;\n"
+     "    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);\n"
+     "    float b = at.thickness > 0.0f ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0f;\n"
+     "    return vec3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);\n"
+     "}\n"},
+    {"conemap_end_normal",
+     "// The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.\n"
+     "$FNvec3 conemap_end_normal(conemap_frustum f, vec4 plane, conemap_uvw at, float joint) {\n"
+     "    float y = conemap_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);\n"
+     "    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrt(radius * radius + y * y);\n"
+     "    if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit\n"
+     "        radius = 1.0f;\n"
+     "        y = 0.0f;\n"
+     "        size = 1.0f;\n"
+     "    }\n"
+     "    float lean = plane.w * size / sqrt(1.0f + plane.x * plane.x + plane.y * plane.y);\n"
+     "    return conemap_unit(vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * "
+     "plane.y));\n"
+     "}\n"},
+    {"conemap_normals",
+     "$STRUCT conemap_normals { // in the world, units\n"
+     "    vec3 shading, plain; // continuous across joints; of the surface as it is\n"
+     "    float away; // how far the place is outside the surface, in the world's units\n"
+     "?c } conemap_normals;\n"
+     "?!c };\n"},
+    {"conemap_find_normals",
+     "$FNconemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {\n"
+     "    vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
+     "    float m = min(max(at.v, 0.0f), 1.0f), l = 1.0f, height = $HEIGHT;\n"
+     "    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
+     "    l = 1.0f - m;\n"
+     "    vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
+     "    vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
+     "    float steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
+     "    smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
+     "?relief     if (at.thickness > 0.0f && at.d > 1e-6f * f.extent.x) { // the relief's slopes\n"
+     "?relief         float by_d = at.thickness / at.d, span = at.high - at.low;\n"
+     "?relief         vec3 angle = vec3(at.cosine * by_d, 0.0f, -at.sine * by_d), slopes = conemap_slopes(f, "
+     "at.u, at.v);\n"
+     "?relief         vec3 a = conemap_cut_gradient(f, f.lower, at, at.low, angle, grad_w);\n"
+     "?relief         vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, angle, grad_w);\n"
+     "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z / span, rest = 1.0f - at.v;\n"
+     "?relief         vec3 s = vec3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),\n"
+     "?relief                       by_v * (at.thickness - rest * a.y - at.v * b.y),\n"
+     "?relief                       by_u * angle.z - by_v * (rest * a.z + at.v * b.z));\n"
+     "?relief         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
+     "?relief         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
+     "?relief         height = slopes.x;\n"
+     "?relief     }\n"
+     "    conemap_normals n;\n"
+     "    n.shading = conemap_unit(conemap_out_of(f, smoothed));\n"
+     "    n.plain = conemap_unit(conemap_out_of(f, grad_w));\n"
+     "    n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;\n"
+     "    return n;\n"
+     "}\n"},
+    {"conemap_mix_normal",
+     "// Adds the normal of a frustum that comes near a place of the world: all of it where the place lies on "
+     "it, nothing from\n"
+     "// `reach` away. `branch`: it begins inside another one, and counts only above its foot.\n"
+     "$FNvec3 conemap_mix_normal(int frustum, vec3 place, float reach, bool branch, vec3 sum) {\n"
+     "    conemap_frustum f = conemap_load(frustum);\n"
+     "    vec3 p = conemap_place_into(f, place);\n"
+     "    float weight = branch ? min(max(4.0f * p.y / (f.radii.x + f.radii.z), 0.0f), 1.0f) : 1.0f;\n"
+     "    if (weight > 0.0f && p.y <= f.extent.x + reach && p.y >= -reach - f.extent.x) {\n"
+     "        conemap_normals n = conemap_find_normals(f, conemap_locate(f, p));\n"
+     "        float near_by = min(max(1.0f - n.away / reach, 0.0f), 1.0f);\n"
+     "        weight *= near_by * near_by * (3.0f - 2.0f * near_by);\n"
+     "        sum = vec3(sum.x + weight * n.shading.x, sum.y + weight * n.shading.y, sum.z + weight * n.shading.z);\n"
+     "    }\n"
+     "    return sum;\n"
+     "}\n"},
+    {"conemap_beside",
+     "// The frustum of a chain that a place is beside, a few up or down from `frustum`.\n"
+     "$FNint conemap_beside(int frustum, vec3 place) {\n"
+     "    for (int k = 0; k < 4; ++k) {\n"
+     "        conemap_frustum f = conemap_load(frustum);\n"
+     "        vec3 p = conemap_place_into(f, place);\n"
+     "        int next = -1;\n"
+     "        if (p.y < f.lower.x * p.x + f.lower.y * p.z + f.lower.z && (f.more.x & 2) == 0) next = f.links.x;\n"
+     "        if (p.y > f.upper.x * p.x + f.upper.y * p.z + f.upper.z && f.links.y >= 0) next = f.links.y;\n"
+     "        if (next < 0) break;\n"
+     "        frustum = next;\n"
+     "    }\n"
+     "    return frustum;\n"
+     "}\n"},
+    {"conemap_mix_branches",
+     "// Mixes in the branches that leave a frustum's top, but not `except`.\n"
+     "$FNvec3 conemap_mix_branches(int first, int except, vec3 place, vec3 sum) {\n"
+     "    int branch = first;\n"
+     "    for (int k = 0; k < 64 && branch >= 0; ++k) {\n"
+     "        vec4 radii = conemap_real4(conemap_row(branch, 5));\n"
+     "        if (branch != except) {\n"
+     "            int beside = conemap_beside(branch, place);\n"
+     "            sum = conemap_mix_normal(beside, place, $BLEND * (radii.x + radii.z), beside == branch, sum);\n"
+     "        }\n"
+     "        branch = conemap_row(branch, 7).w;\n"
+     "    }\n"
+     "    return sum;\n"
+     "}\n"},
+    {"conemap_blend",
+     "// Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the "
+     "branches that leave\n"
+     "// the frustum's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its "
+     "other branches.\n"
+     "$FNvec3 conemap_blend(int frustum, vec3 place, vec3 normal) {\n"
+     "    int at = conemap_row(frustum, 7).y;\n"
+     "    for (int up = 1; up < 4 && at >= 0; ++up) {\n"
+     "        ivec4 links = conemap_row(at, 7);\n"
+     "        normal = conemap_mix_branches(links.z, -1, place, normal);\n"
+     "        at = links.y;\n"
+     "    }\n"
+     "    at = frustum;\n"
+     "    for (int down = 0; down < 4 && at >= 0; ++down) {\n"
+     "        ivec4 links = conemap_row(at, 7);\n"
+     "        normal = conemap_mix_branches(links.z, -1, place, normal);\n"
+     "        if ((conemap_row(at, 8).x & 2) != 0) { // a branch\n"
+     "            vec4 radii = conemap_real4(conemap_row(at, 5));\n"
+     "            int beside = conemap_beside(links.x, place);\n"
+     "            normal = conemap_mix_normal(beside, place, $BLEND * (radii.x + radii.z), false, normal);\n"
+     "            normal = conemap_mix_branches(conemap_row(links.x, 7).z, at, place, normal);\n"
+     "            links.x = -1;\n"
+     "        }\n"
+     "        at = links.x;\n"
+     "    }\n"
+     "    return conemap_unit(normal);\n"
+     "}\n"},
+    {"conemap_frustum_hit",
+     "$STRUCT conemap_frustum_hit {\n"
+     "    bool found;\n"
+     "    bool inside; // the ray began inside\n"
+     "    int frustum, user; // that was hit; its `user`\n"
+     "    int cap; // 1, 2: the flat lower, upper end of a segment\n"
+     "    float t; // in lengths of the direction\n"
+     "    vec3 position;\n"
+     "    vec3 uvw; // of the frustum; v 0..1, w the height in the shell\n"
+     "    vec2 map; // u and v of the map, not wrapped\n"
+     "    vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is\n"
+     "?c } conemap_frustum_hit;\n"
+     "?!c };\n"},
+    {"conemap_surface",
+     "// All about a place where a ray of the frame meets a frustum.\n"
+     "$FNconemap_frustum_hit conemap_surface(conemap_frustum f, int frustum, vec3 p, int face) {\n"
+     "    conemap_frustum_hit hit;\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    conemap_normals n = conemap_find_normals(f, at);\n"
+     "    int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;\n"
+     "    hit.found = true;\n"
+     "    hit.inside = false;\n"
+     "    hit.frustum = frustum;\n"
+     "    hit.user = f.more.z;\n"
+     "    hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam\n"
+     "    hit.t = 0.0f;\n"
+     "    hit.position = conemap_place_out_of(f, p);\n"
+     "    hit.uvw = vec3(at.u, min(max(at.v, 0.0f), 1.0f), at.w);\n"
+     "    hit.map = conemap_map_place(f, at.u, at.v);\n"
+     "    hit.normal = n.shading;\n"
+     "    hit.true_normal = n.plain;\n"
+     "    if (hit.cap != 0) {\n"
+     "        vec4 lower = f.lower, upper = f.upper;\n"
+     "        vec3 flat_end = face == 1 ? vec3(lower.x, -1.0f, lower.y) : vec3(-upper.x, 1.0f, -upper.y);\n"
+     "        hit.normal = conemap_unit(conemap_out_of(f, flat_end));\n"
+     "        hit.true_normal = hit.normal;\n"
+     "    }\n"
+     "?blends     if (hit.cap == 0) hit.normal = conemap_blend(frustum, hit.position, hit.normal);\n"
+     "    return hit;\n"
+     "}\n"},
+    {"conemap_no_frustum",
+     "$FNconemap_frustum_hit conemap_no_frustum(float t) {\n"
+     "    conemap_frustum_hit hit;\n"
+     "    hit.found = false;\n"
+     "    hit.inside = false;\n"
+     "    hit.frustum = -1;\n"
+     "    hit.user = 0;\n"
+     "    hit.cap = 0;\n"
+     "    hit.t = t;\n"
+     "    hit.position = vec3(0.0f, 0.0f, 0.0f);\n"
+     "    hit.uvw = hit.position;\n"
+     "    hit.map = vec2(0.0f, 0.0f);\n"
+     "    hit.normal = hit.position;\n"
+     "    hit.true_normal = hit.position;\n"
+     "    return hit;\n"
+     "}\n"},
+    {"conemap_trace_frusta",
+     "// The first hit of a ray of the world with `count` frusta from `first`.\n"
+     "$FNconemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min,\n"
+     "                                           float t_max) {\n"
+     "    conemap_frustum_hit hit = conemap_no_frustum(t_max);\n"
+     "    float t = t_max;\n"
+     "    int nearest = -1, face = 0;\n"
+     "    for (int k = first; k < first + count; ++k) {\n"
+     "        conemap_frustum f = conemap_load(k);\n"
+     "        vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "        if (met.x < t || (nearest < 0 && met.x <= t)) {\n"
+     "            t = met.x;\n"
+     "            nearest = k;\n"
+     "            face = int(met.y);\n"
+     "        }\n"
+     "    }\n"
+     "    if (nearest >= 0) {\n"
+     "        conemap_frustum f = conemap_load(nearest);\n"
+     "        vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
+     "        hit = conemap_surface(f, nearest, p, face);\n"
+     "        hit.t = t;\n"
+     "        hit.inside = t <= t_min;\n"
+     "    }\n"
+     "    return hit;\n"
+     "}\n"},
+    {"conemap_any_frusta",
+     "// Does a ray of the world meet any of `count` frusta from `first`? For shadows.\n"
+     "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max) {\n"
+     "    bool found = false;\n"
+     "    for (int k = first; k < first + count && !found; ++k) {\n"
+     "        conemap_frustum f = conemap_load(k);\n"
+     "        found = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, "
+     "t_max).x <= t_max;\n"
+     "    }\n"
+     "    return found;\n"
+     "}\n"},
+    {"conemap_see_frustum",
+     "// What a pixel sees of a frustum whose bounds were drawn there: `place` of the frame, from "
+     "conemap_bounds; eye as\n"
+     "// conemap_eye, (position, 1) or for parallel rays (direction, 0). Rays begin at the bounds, not at the "
+     "eye: single\n"
+     "// precision then holds however far the eye is.\n"
+     "$FNconemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye) {\n"
+     "    conemap_frustum f = conemap_load(frustum);\n"
+     "    conemap_frustum_hit hit = conemap_no_frustum(0.0f);\n"
+     "    vec3 v = conemap_into(f, vec3(eye.x, eye.y, eye.z));\n"
+     "    float back = 1e30f; // how far the ray begins before the place\n"
+     "    if (eye.w != 0.0f) {\n"
+     "        vec3 from = conemap_place_into(f, vec3(eye.x, eye.y, eye.z));\n"
+     "        v = vec3(place.x - from.x, place.y - from.y, place.z - from.z);\n"
+     "        back = sqrt(v.x * v.x + v.y * v.y + v.z * v.z);\n"
+     "    }\n"
+     "    v = conemap_unit(v);\n"
+     "    vec2 met = conemap_meet(f, place, v, -back, 1e30f);\n"
+     "    if (met.x < 1e30f) {\n"
+     "        hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));\n"
+     "        vec3 way = vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);\n"
+     "        hit.t = eye.w != 0.0f ? sqrt(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;\n"
+     "        hit.inside = met.x <= -back;\n"
+     "    }\n"
+     "    return hit;\n"
+     "}\n"},
+    {"conemap_bounds",
+     "// Vertex 0..35 of the twelve triangles around a frustum's shell, in its frame; see conemap_frustum_triangles.\n"
+     "$FNvec3 conemap_bounds(int frustum, int number) {\n"
+     "    $CORNERS;\n"
+     "    return conemap_corner(conemap_load(frustum), corners[number]);\n"
+     "}\n"},
+    {NULL, NULL}};
+
+/* ---- what stands before, behind and around the functions ---- */
+
+static const char conemap__frusta_head[] =
+    "?version #version $VERSION\n"
+    "?relief // conemap.h: frusta with relief$MARCH.\n"
+    "?!relief // conemap.h: plain frusta.\n"
+    "?vertex // Draw 36 vertices for each frustum, no vertex buffer, one winding culled: either will do.\n"
+    "// $FRUSTA_NAME: $FRUSTA_COMMENT\n"
+    "?uses_map // $MAP_NAME: $MAP_COMMENT\n"
+    "?uses_heights // $HEIGHTS_NAME: height in the first channel$FILTER_COMMENT\n"
+    "?host,relief // $FETCH_NAME: the host's; $FETCH_COMMENT\n"
+    "?camera // conemap_view_projection takes a column (position, 1) of the world; conemap_eye: (position, 1), or for\n"
+    "?camera // parallel rays (direction, 0); conemap_first: the frustum of instance 0.\n"
+    "?c #include <math.h>\n"
+    "?c #include <stdbool.h>\n"
+    "\n"
+    "?es precision highp float;\n"
+    "?es precision highp int;\n"
+    "?glsl,from_buffer layout(std430$FRUSTA_LAYOUT) readonly buffer conemap_frusta_block {\n"
+    "?glsl,from_buffer     ivec4 $FRUSTA_NAME[];\n"
+    "?glsl,from_uniforms layout(std140$FRUSTA_LAYOUT) uniform conemap_frusta_block {\n"
+    "?glsl,from_uniforms     ivec4 $FRUSTA_NAME[$ROWS];\n"
+    "?glsl,from_block };\n"
+    "?glsl,from_texture $FRUSTA_LAYOUTuniform $HIGHPisampler2D $FRUSTA_NAME;\n"
+    "?glsl,from_texels $FRUSTA_LAYOUTuniform isamplerBuffer $FRUSTA_NAME;\n"
+    "?hlsl,from_buffer StructuredBuffer<int4> $FRUSTA_NAME$FRUSTA_LAYOUT;\n"
+    "?hlsl,from_texels Buffer<int4> $FRUSTA_NAME$FRUSTA_LAYOUT;\n"
+    "?hlsl,from_uniforms cbuffer conemap_frusta_block$FRUSTA_LAYOUT {\n"
+    "?hlsl,from_uniforms     int4 $FRUSTA_NAME[$ROWS];\n"
+    "?hlsl,from_uniforms };\n"
+    "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
+    "?uses_map,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_heights,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
+    "?sampler SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?camera,vulkan layout(push_constant) uniform conemap_camera {\n"
+    "?camera,hlsl cbuffer conemap_camera$CAMERA_LAYOUT {\n"
+    "?camera $UNIFORMmat4 conemap_view_projection;\n"
+    "?camera,fragment,!blocks $UNIFORMvec4 conemap_eye;\n"
+    "?camera,vertex,!blocks $UNIFORMint conemap_first;\n"
+    "?camera,blocks $UNIFORMvec4 conemap_eye;\n"
+    "?camera,blocks $UNIFORMint conemap_first;\n"
+    "?camera,blocks };\n"
+    "\n";
+
+static const char conemap__frusta_host[] = /* prototypes of the host's functions */
+    "?from_host ivec4 $FETCH_FRUSTA_NAME(int frustum, int row);\n"
+    "?host,relief $TEXEL_TYPE $FETCH_NAME(int i, int j);\n"
+    "?host_lines \n";
+
+static const char conemap__frusta_vertex[] =
+    "?glsl $IN_0out vec3 conemap_place; // in the frustum's frame\n"
+    "?glsl $IN_1flat out int conemap_segment;\n"
+    "?hlsl struct conemap_vertex {\n"
+    "?hlsl     float3 place : TEXCOORD0; // in the frustum's frame\n"
+    "?hlsl     nointerpolation int segment : TEXCOORD1;\n"
+    "?hlsl     float4 position : SV_Position;\n"
+    "?hlsl };\n"
+    "\n"
+    "?glsl void main() {\n"
+    "?hlsl conemap_vertex main(uint number : SV_VertexID, uint instance : SV_InstanceID) {\n"
+    "    int frustum = conemap_first + $INSTANCE;\n"
+    "    vec3 place = conemap_bounds(frustum, $NUMBER);\n"
+    "    vec3 position = conemap_place_out_of(conemap_load(frustum), place);\n"
+    "?glsl     conemap_place = place;\n"
+    "?glsl     conemap_segment = frustum;\n"
+    "?glsl     gl_Position = conemap_view_projection * vec4(position, 1.0f);\n"
+    "?hlsl     conemap_vertex v;\n"
+    "?hlsl     v.place = place;\n"
+    "?hlsl     v.segment = frustum;\n"
+    "?hlsl     v.position = mul(conemap_view_projection, vec4(position, 1.0f));\n"
+    "?hlsl     return v;\n"
+    "}\n";
+
+static const char conemap__frusta_fragment[] =
+    "?glsl $IN_0in vec3 conemap_place; // in the frustum's frame\n"
+    "?glsl $IN_1flat in int conemap_segment;\n"
+    "?glsl,shaded layout(location = 0) out vec4 conemap_color;\n"
+    "?glsl,coded layout(location = 0) out vec4 conemap_normal; // for shading; w: height in the shell\n"
+    "?glsl,coded layout(location = 1) out vec4 conemap_coordinates; // u, v of the map; frustum; t\n"
+    "?hlsl struct conemap_targets {\n"
+    "?hlsl,shaded     float4 color : SV_Target0;\n"
+    "?hlsl,coded     float4 normal : SV_Target0;      // for shading; w: height in the shell\n"
+    "?hlsl,coded     float4 coordinates : SV_Target1; // u, v of the map; frustum; t\n"
+    "?hlsl     float depth : SV_Depth;\n"
+    "?hlsl };\n"
+    "?shaded vec4 $SHADE_NAME(conemap_frustum_hit hit);\n"
+    "\n"
+    "?glsl void main() {\n"
+    "?hlsl conemap_targets main(float3 place : TEXCOORD0, nointerpolation int segment : TEXCOORD1) {\n"
+    "?glsl     conemap_frustum_hit hit = conemap_see_frustum(conemap_segment, conemap_place, conemap_eye);\n"
+    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum(segment, place, conemap_eye);\n"
+    "    if (!hit.found) discard;\n"
+    "?glsl     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
+    "?hlsl     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
+    "?glsl,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
+    "?glsl,!halved     gl_FragDepth = clip.z / clip.w;\n"
+    "?glsl,shaded     conemap_color = $SHADE_NAME(hit);\n"
+    "?glsl,coded     conemap_normal = vec4(hit.normal, hit.uvw.z);\n"
+    "?glsl,coded     conemap_coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
+    "?hlsl     conemap_targets targets;\n"
+    "?hlsl,shaded     targets.color = $SHADE_NAME(hit);\n"
+    "?hlsl,coded     targets.normal = vec4(hit.normal, hit.uvw.z);\n"
+    "?hlsl,coded     targets.coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
+    "?hlsl     targets.depth = clip.z / clip.w;\n"
+    "?hlsl     return targets;\n"
+    "}\n";
+
+/* Checks a desc and sets the emitter up: what it shares with a tracer's shader goes into that one's desc. */
+static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frusta_shader_desc *d) {
+    static const unsigned char sources[CONEMAP_DIALECT_COUNT][CONEMAP_FRUSTA_SOURCE_COUNT] = {
+        /* default, then whether there are buffer, uniforms, texture, texels */
+        {CONEMAP_FRUSTA_TEXELS, 0, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
+        {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
+        {CONEMAP_FRUSTA_TEXTURE, 0, 1, 1, 0}, {CONEMAP_FRUSTA_TEXTURE, 1, 1, 1, 0},
+        {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
+        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}};
+    conemap_shader_desc *s = &e->desc;
+    unsigned char *f = e->flags;
+    conemap_skeleton_trace_desc trace;
+    conemap_result result;
+    int relaxed, k;
+    if (!CONEMAP__KNOWN(d->stage, CONEMAP_FRUSTA_STAGE_COUNT) || !CONEMAP__KNOWN(d->march, CONEMAP_MARCH_COUNT) ||
+        !CONEMAP__KNOWN(d->source, CONEMAP_FRUSTA_SOURCE_COUNT) ||
+        !CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    if (d->uniform_count == 0) d->uniform_count = 113;
+    if (!conemap__in_range(d->blend, 0.0f, 16.0f) || d->uniform_count < 1 || d->uniform_count > 455)
+        return CONEMAP_ERROR_PARAMETER;
+    memset(&trace, 0, sizeof trace);
+    trace.height = d->height;
+    trace.march = d->march;
+    trace.steps = d->steps;
+    trace.refine_steps = d->refine_steps;
+    trace.linear_v = d->linear_v;
+    relaxed = d->relief && (d->map.guarantee == CONEMAP_GUARANTEE_RELAXED ||
+                            d->map.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR);
+    if (relaxed && d->march == CONEMAP_MARCH_CONES) return CONEMAP_ERROR_UNSUPPORTED;
+    if (relaxed) trace.march = CONEMAP_MARCH_STEPS;
+    result = conemap__resolve_skeleton_trace(&trace);
+    if (result != CONEMAP_OK) return result;
+
+    s->dialect = d->dialect;
+    if (d->relief) {
+        s->map = d->map;
+        s->fixed_size = d->fixed_size;
+        s->filter = d->filter;
+        s->map_name = d->map_name;
+        s->heights_name = d->heights_name;
+        s->sampler_name = d->sampler_name;
+        s->sampler_binding = d->sampler_binding;
+        s->fetch = d->fetch;
+    } else {
+        s->fetch = d->fetch_frusta; /* no textures */
+    }
+    s->fetch_maxima = d->relief ? d->fetch_frusta : NULL;
+    s->maxima_name = d->frusta_name;
+    s->prefix = d->prefix;
+    s->binding = d->binding;
+    s->set = d->set;
+    s->trace.tracer =
+        d->relief && trace.march == CONEMAP_MARCH_CONES ? CONEMAP_TRACE_CELL_MAX : CONEMAP_TRACE_LINEAR;
+    s->trace.max_steps = trace.steps;
+    s->trace.refine_steps = trace.refine_steps;
+    e->given[7] = d->shade;
+    result = conemap__resolve_shader(e);
+    if (result != CONEMAP_OK) return result;
+    for (k = 0; k < 7; ++k)
+        if (d->shade && e->given[k] && strcmp(d->shade, e->given[k]) == 0) return CONEMAP_ERROR_PARAMETER;
+    if (!conemap__is_name(d->shade)) return CONEMAP_ERROR_PARAMETER;
+    if (d->source == CONEMAP_FRUSTA_DEFAULT)
+        d->source = (conemap_frusta_source)sources[d->dialect][0];
+    else if (!sources[d->dialect][d->source])
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if ((d->relief && (d->map.wrap_u != CONEMAP_WRAP ||
+                       (d->map.wrap_v == CONEMAP_NOTHING && !(d->map.height == 1)))) ||
+        (d->relief && d->map.texture.per_cell && d->filter != CONEMAP_FILTER_FETCH) ||
+        (d->relief && d->fetch && (!d->fixed_size || d->filter != CONEMAP_FILTER_FETCH)) ||
+        (f[conemap__flag_c] && (d->stage != CONEMAP_FRUSTA_FUNCTIONS || !d->fetch_frusta)) ||
+        (d->stage != CONEMAP_FRUSTA_FUNCTIONS && (d->fetch || d->fetch_frusta || d->any_hit)) ||
+        (d->stage != CONEMAP_FRUSTA_FRAGMENT && (d->shade || d->depth_only)) || (d->shade && d->depth_only) ||
+        (d->zero_to_one && !f[conemap__flag_glsl]))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    f[conemap__flag_relief] = d->relief != 0;
+    f[conemap__flag_cone_march] = d->relief && trace.march == CONEMAP_MARCH_CONES;
+    f[conemap__flag_steps_march] = d->relief && trace.march == CONEMAP_MARCH_STEPS;
+    f[conemap__flag_linear_v] = d->relief && d->linear_v;
+    f[conemap__flag_blends] = d->blend > 0.0f;
+    f[conemap__flag_vertex] = d->stage == CONEMAP_FRUSTA_VERTEX;
+    f[conemap__flag_fragment] = d->stage == CONEMAP_FRUSTA_FRAGMENT;
+    f[conemap__flag_camera] = d->stage != CONEMAP_FRUSTA_FUNCTIONS;
+    f[conemap__flag_shaded] = f[conemap__flag_fragment] && d->shade;
+    f[conemap__flag_coded] = f[conemap__flag_fragment] && !d->shade && !d->depth_only;
+    f[conemap__flag_halved] = !f[conemap__flag_vulkan] && !d->zero_to_one;
+    f[conemap__flag_blocks] = f[conemap__flag_hlsl] || f[conemap__flag_vulkan];
+    f[conemap__flag_any] = d->any_hit != 0;
+    f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_FRUSTA_FUNCTIONS;
+    f[conemap__flag_from_host] = d->fetch_frusta != NULL;
+    f[conemap__flag_host_lines] = d->fetch_frusta || (d->relief && d->fetch);
+    f[conemap__flag_from_buffer] = !d->fetch_frusta && d->source == CONEMAP_FRUSTA_BUFFER;
+    f[conemap__flag_from_uniforms] = !d->fetch_frusta && d->source == CONEMAP_FRUSTA_UNIFORMS;
+    f[conemap__flag_from_texture] = !d->fetch_frusta && d->source == CONEMAP_FRUSTA_TEXTURE;
+    f[conemap__flag_from_texels] = !d->fetch_frusta && d->source == CONEMAP_FRUSTA_TEXELS;
+    f[conemap__flag_from_block] = f[conemap__flag_from_buffer] || f[conemap__flag_from_uniforms];
+    f[conemap__flag_host] = d->relief && d->fetch;
+    if (!d->relief || f[conemap__flag_vertex])
+        f[conemap__flag_uses_map] = f[conemap__flag_uses_heights] = f[conemap__flag_sampler] = 0;
+    f[conemap__flag_uses_maxima] = 0;
+    return CONEMAP_OK;
+}
+
+/* Says what the pieces stand for that a tracer's shader does not have. */
+static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_shader_desc *d) {
+    static const char *const comments[CONEMAP_FRUSTA_SOURCE_COUNT] = {
+        "the host's: row 0..8 of a conemap_frustum, as four integers", "conemap_frustum, one after the other",
+        "conemap_frustum, one after the other",
+        "rgba32i, nine texels for each conemap_frustum, as many of these in a row as fit whole; only fetched",
+        "rgba32i, nine texels for each conemap_frustum"};
+    static const char *const corners = "0, 1, 2, 0, 2, 3, 4, 6, 5, 4, 7, 6, 0, 4, 5, 0, 5, 1, "
+                                       "1, 5, 6, 1, 6, 2, 2, 6, 7, 2, 7, 3, 3, 7, 4, 3, 4, 0";
+    const unsigned char *f = e->flags;
+    const size_t size = CONEMAP__PIECE_SIZE;
+    const int hlsl = f[conemap__flag_hlsl], uniforms = f[conemap__flag_from_uniforms],
+              after = f[conemap__flag_uses_map] + f[conemap__flag_uses_heights];
+    char *out;
+    conemap__piece_set(e, "FRUSTA_NAME", 1,
+                       d->fetch_frusta ? d->fetch_frusta
+                                       : conemap__resource_name(e, 2, d->frusta_name, "_frusta"));
+    conemap__piece_set(e, "FETCH_FRUSTA_NAME", 1, d->fetch_frusta ? d->fetch_frusta : "");
+    conemap__piece_set(e, "FRUSTA_COMMENT", 1, comments[d->fetch_frusta ? CONEMAP_FRUSTA_DEFAULT : d->source]);
+    conemap__piece_set(e, "SHADE_NAME", 1, d->shade ? d->shade : "");
+    conemap__piece_set(e, "MARCH", 1,
+                       f[conemap__flag_cone_march] ? ", by cone steps"
+                       : f[conemap__flag_linear_v] ? ", by equal steps with v linear"
+                                                   : ", by equal steps");
+    conemap__piece_set(e, "REAL", 0,
+                       f[conemap__flag_c] ? "conemap_real" : hlsl ? "asfloat" : "intBitsToFloat");
+    conemap__piece_set(e, "ROW", 0,
+                       d->fetch_frusta                ? "$FETCH_FRUSTA_NAME(frustum, row)"
+                       : f[conemap__flag_from_block]  ? "$FRUSTA_NAME[9 * frustum + row]"
+                       : f[conemap__flag_from_texels] ? (hlsl ? "$FRUSTA_NAME.Load(9 * frustum + row)"
+                                                              : "texelFetch($FRUSTA_NAME, 9 * frustum + row)")
+                           : "texelFetch($FRUSTA_NAME, ivec2(9 * (frustum % across) + row, frustum / across), 0)");
+    conemap__append_int(conemap__piece_new(e, "ROWS", 0), size, 9 * d->uniform_count);
+    conemap__piece_set(e, "HIGHP", 1, f[conemap__flag_es] ? "highp " : "");
+    out = conemap__piece_new(e, "CORNERS", 0);
+    conemap__append(out, size, f[conemap__flag_c] || hlsl ? "static const int corners[36] = {" : "const int corners[36] = int[36](");
+    conemap__append(out, size, corners);
+    conemap__append(out, size, f[conemap__flag_c] || hlsl ? "}" : ")");
+    conemap__piece_set(e, "RELIEF_TYPE", 0, f[conemap__flag_cones] ? "vec2" : "float");
+    conemap__piece_set(e, "DOT_RELIEF", 0, f[conemap__flag_cones] ? ".x" : "");
+    conemap__piece_set(e, "DOT_HEIGHT", 0, f[conemap__flag_cones] ? ".x" : "");
+    conemap__piece_set(e, "PIECE", 0, f[conemap__flag_linear_v] ? ", piece" : "");
+    conemap__append_float(conemap__piece_new(e, "HEIGHT", 0), size, d->relief ? 0.0f : d->height);
+    conemap__append_float(conemap__piece_new(e, "BLEND", 0), size, d->blend);
+    out = conemap__piece_new(e, "TIMES_ASPECT", 0);
+    if (e->desc.map.aspect < 1.0f || e->desc.map.aspect > 1.0f) {
+        conemap__append(out, size, " * ");
+        conemap__append_float(out, size, e->desc.map.aspect);
+    }
+    conemap__piece_set(e, "INSTANCE", 0,
+                       hlsl                      ? "int(instance)"
+                       : f[conemap__flag_vulkan] ? "gl_InstanceIndex"
+                                                 : "gl_InstanceID");
+    conemap__piece_set(e, "NUMBER", 0,
+                       hlsl                      ? "int(number)"
+                       : f[conemap__flag_vulkan] ? "gl_VertexIndex"
+                                                 : "gl_VertexID");
+    /* The map's textures come first; constant buffers of HLSL count by themselves. */
+    conemap__place_resource(e, "FRUSTA_LAYOUT", f[conemap__flag_from_block] && !(hlsl && !uniforms) ? 'b' : 't',
+                            e->desc.binding + (hlsl && uniforms ? 0 : after));
+    conemap__place_resource(e, "CAMERA_LAYOUT", 'b', e->desc.binding + uniforms);
+}
+
+/* One pass of the emitter; with text null it only counts. */
+static conemap_result conemap__emit_frusta_once(const conemap_frusta_shader_desc *desc, char *text,
+                                                size_t capacity, size_t *size) {
+    static const char *const functions[] = {"conemap_trace_frusta", "conemap_any_frusta", "conemap_see_frustum",
+                                            "conemap_bounds"};
+    conemap_frusta_shader_desc d = *desc;
+    conemap__emitter e;
+    conemap_result result;
+    int k;
+    memset(&e, 0, sizeof e);
+    e.text = text;
+    e.capacity = capacity;
+    e.tables[1] = conemap__frusta_snippets;
+    result = conemap__resolve_frusta(&e, &d);
+    if (result != CONEMAP_OK) return result;
+    conemap__make_pieces(&e);
+    conemap__frusta_pieces(&e, &d);
+    conemap__lines(&e, conemap__frusta_head, 0);
+    conemap__lines(&e, conemap__frusta_host, 1); /* C: the types that they are declared with */
+    conemap__lines(&e, conemap__frusta_host, 0);
+    for (k = 0; k < 4 && d.stage == CONEMAP_FRUSTA_FUNCTIONS; ++k)
+        if (k == 3 || (k == 1) == (d.any_hit != 0)) conemap__snippet_named(&e, functions[k], strlen(functions[k]));
+    for (k = 0; k < 2 && d.stage != CONEMAP_FRUSTA_FUNCTIONS; ++k)
+        conemap__lines(&e, d.stage == CONEMAP_FRUSTA_VERTEX ? conemap__frusta_vertex : conemap__frusta_fragment,
+                       1 - k);
+    if (e.clash) return CONEMAP_ERROR_PARAMETER;
+    *size = e.size + 1;
+    if (text && e.size < capacity) text[e.size] = 0;
+    return CONEMAP_OK;
+}
+
+CONEMAP__DEF conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text,
+                                                size_t capacity, size_t *size) {
+    size_t needed = 0;
+    conemap_result result;
+    if (!desc || (!text && !size)) return CONEMAP_ERROR_NULL;
+    result = conemap__emit_frusta_once(desc, NULL, 0, &needed);
+    if (result != CONEMAP_OK) return result;
+    if (size) *size = needed;
+    if (!text) return CONEMAP_OK;
+    if (capacity < needed) return CONEMAP_ERROR_BUFFER;
+    return conemap__emit_frusta_once(desc, text, capacity, &needed);
 }
 
 /* ======================================================================================================

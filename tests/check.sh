@@ -346,12 +346,14 @@ fuzz() {
 need "fuzz smoke" clang && part "fuzz smoke" fuzz
 
 # ---- emitted shaders through real compilers, and on a software GPU -----------------------------------------------------
-shaders() { # PART
-    sh tests/gpu/shaders.sh "$1" "$dir" || return 1
+shaders() { # PART [WRITER]
+    sh tests/gpu/shaders.sh "$1" "$dir" "${2:-}" || return 1
     cat "$dir/count" >>"$work/counts"
 }
 need "shaders in C" gcc && part "shaders in C" shaders c
 need "shaders in GLSL" gcc glslangValidator spirv-val && part "shaders in GLSL" shaders glsl
+need "frusta shaders in C" gcc && part "frusta shaders in C" shaders c frusta_variants
+need "frusta shaders in GLSL" gcc glslangValidator spirv-val && part "frusta shaders in GLSL" shaders glsl frusta_variants
 # HLSL_DLLS: a folder with Microsoft's compilers, or npm fetches the packages that hold them.
 dlls() {
     [ -n "${HLSL_DLLS:-}" ] && return 0
@@ -371,7 +373,7 @@ dlls() {
         rm -f ./*.tgz
     )
 }
-case "shaders in HLSL" in
+case "frusta shaders in HLSL" in
 *"$only"*)
     if ! have x86_64-w64-mingw32-gcc || { ! have wine64 && [ ! -x /usr/lib/wine/wine64 ]; }; then
         skip "shaders in HLSL" "wine64 and mingw"
@@ -379,6 +381,7 @@ case "shaders in HLSL" in
         skip "shaders in HLSL" "Microsoft compilers (npm could not fetch them; HLSL_DLLS can name a folder)"
     else
         part "shaders in HLSL" shaders hlsl
+        part "frusta shaders in HLSL" shaders hlsl frusta_variants
     fi
     ;;
 esac
@@ -391,6 +394,16 @@ if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
     part "shaders on a software GPU" software_gpu
 else
     skip "shaders on a software GPU" "EGL headers"
+fi
+
+frusta_gpu() {
+    gcc -std=c99 -O2 -I. tests/gpu/frusta_gl.c -o "$dir/frusta_gl" -lEGL -lm || return 1
+    EGL_PLATFORM=surfaceless "$dir/frusta_gl" "$dir"
+}
+if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
+    part "frusta on a software GPU" frusta_gpu
+else
+    skip "frusta on a software GPU" "EGL headers"
 fi
 
 # ---- the examples as a person runs them ---------------------------------------------------------------------------

@@ -97,6 +97,7 @@ int main(int argument_count, char **arguments)
         {"directional", directional_tests},
         {"emit", emit_tests},
         {"frusta", frusta_tests},
+        {"emit_frusta", emit_frusta_tests},
         {"effects", effects_tests},
         {"plan", plan_tests},
         {"packets", packets_tests},

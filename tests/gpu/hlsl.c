@@ -1,6 +1,6 @@
 /* Compiles HLSL with Microsoft's own compilers under Windows or wine:  hlsl LIBRARY.dll PROFILE FILE...
-   where a PROFILE of 5_0 means d3dcompiler's D3DCompile with ps_5_0 (or cs_5_0 for names that hold "compute") and 6_0
-   dxcompiler's DxcCreateInstance. A warning counts as a failure. */
+   where a PROFILE of 5_0 means d3dcompiler's D3DCompile with ps_5_0 (or cs_5_0, vs_5_0 for names that hold "compute",
+   "vertex") and 6_0 dxcompiler's DxcCreateInstance. A warning counts as a failure. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -91,13 +91,17 @@ int main(int argument_count, char **arguments)
         char *text = load(arguments[k], &size), profile[16];
         blob *code = NULL, *errors = NULL;
         HRESULT result = E_FAIL;
-        const int compute = strstr(arguments[k], "compute") != NULL;
+        const int compute = strstr(arguments[k], "compute") != NULL, vertex = strstr(arguments[k], "vertex") != NULL;
         if (!text) return 2;
-        snprintf(profile, sizeof profile, "%s_%s", compute ? "cs" : "ps", arguments[2]);
+        snprintf(profile, sizeof profile, "%s_%s", compute ? "cs" : vertex ? "vs" : "ps", arguments[2]);
         if (compile) {
             result = compile(text, size, arguments[k], NULL, NULL, "main", profile, 0, 0, &code, &errors);
         } else {
-            const wchar_t *flags[6] = {L"-E", L"main", L"-T", compute ? L"cs_6_0" : L"ps_6_0", L"-Vd"};
+            const wchar_t *flags[6] = {L"-E", L"main", L"-T",
+                                       compute  ? L"cs_6_0"
+                                       : vertex ? L"vs_6_0"
+                                                : L"ps_6_0",
+                                       L"-Vd"};
             dxc_buffer buffer = {text, size, 65001};
             dxc_result *answer = NULL;
             result = compiler->table->compile(compiler, &buffer, flags, 5, NULL, &interface_operation_result,

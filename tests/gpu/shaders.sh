@@ -1,15 +1,17 @@
 #!/bin/sh
-# shaders.sh PART FOLDER: every variant of the emitter's text through the compilers of PART, a warning being a failure.
+# shaders.sh PART FOLDER [WRITER]: every variant of the emitter's text through the compilers of PART, a warning being a
+# failure. WRITER.c beside this file writes them: variants (the default), frusta_variants.
 #   glsl    glslangValidator on all GLSL dialects, spirv-val on Vulkan's
 #   c       gcc with all warnings on the C
 #   hlsl    Microsoft's compilers under wine; HLSL_DLLS is a folder with msfxc.dll, msfxc_old.dll, msdxc.dll
 part=$1
 dir=$2
+writer=${3:-variants}
 here=$(dirname "$0")
 wine=$(command -v wine64 || echo /usr/lib/wine/wine64)
 samples=${SHADER_SAMPLES:-300}
 mkdir -p "$dir"
-gcc -std=c99 -O1 -I"$here/../.." "$here/variants.c" -o "$dir/variants" -lm || exit 1
+gcc -std=c99 -O1 -I"$here/../.." "$here/$writer.c" -o "$dir/variants" -lm || exit 1
 failed=0
 write() { # DIALECT
     rm -rf "$dir/$1"

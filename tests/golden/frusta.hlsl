@@ -1,0 +1,550 @@
+// conemap.h: frusta with relief, by cone steps.
+// conemap_frusta: conemap_frustum, one after the other
+// conemap_map: rg32f, height and tan of the cone; only fetched
+// conemap_view_projection takes a column (position, 1) of the world; conemap_eye: (position, 1), or for
+// parallel rays (direction, 0); conemap_first: the frustum of instance 0.
+
+StructuredBuffer<int4> conemap_frusta : register(t1);
+Texture2D<float2> conemap_map : register(t0);
+cbuffer conemap_camera : register(b0) {
+    float4x4 conemap_view_projection;
+    float4 conemap_eye;
+    int conemap_first;
+};
+
+struct conemap_frustum_hit {
+    bool found;
+    bool inside; // the ray began inside
+    int frustum, user; // that was hit; its `user`
+    int cap; // 1, 2: the flat lower, upper end of a segment
+    float t; // in lengths of the direction
+    float3 position;
+    float3 uvw; // of the frustum; v 0..1, w the height in the shell
+    float2 map; // u and v of the map, not wrapped
+    float3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is
+};
+
+struct conemap_frustum {
+    float4 axis_x, axis_y, axis_z; // unit axes; the origin's coordinates
+    float4 lower, upper; // cutting planes y = a x + b z + c; slope of the normal there
+    float4 radii; // of the inner cone at y = 0, its growth; thickness of the shell there, its growth
+    float4 extent; // length of the axis; start and size in the map's v; twist
+    int4 links; // parent, child, branch, sibling
+    int4 more; // flags, u_repeat, user
+};
+
+float4 conemap_real4(int4 bits) {
+    return float4(asfloat(bits.x), asfloat(bits.y), asfloat(bits.z), asfloat(bits.w));
+}
+
+// One of a frustum's nine rows, as integers: as floats, a unit could flush its small ones to 0.
+int4 conemap_row(int frustum, int row) {
+    return conemap_frusta[9 * frustum + row];
+}
+
+conemap_frustum conemap_load(int frustum) {
+    conemap_frustum f;
+    f.axis_x = conemap_real4(conemap_row(frustum, 0));
+    f.axis_y = conemap_real4(conemap_row(frustum, 1));
+    f.axis_z = conemap_real4(conemap_row(frustum, 2));
+    f.lower = conemap_real4(conemap_row(frustum, 3));
+    f.upper = conemap_real4(conemap_row(frustum, 4));
+    f.radii = conemap_real4(conemap_row(frustum, 5));
+    f.extent = conemap_real4(conemap_row(frustum, 6));
+    f.links = conemap_row(frustum, 7);
+    f.more = conemap_row(frustum, 8);
+    return f;
+}
+
+conemap_frustum_hit conemap_no_frustum(float t) {
+    conemap_frustum_hit hit;
+    hit.found = false;
+    hit.inside = false;
+    hit.frustum = -1;
+    hit.user = 0;
+    hit.cap = 0;
+    hit.t = t;
+    hit.position = float3(0.0, 0.0, 0.0);
+    hit.uvw = hit.position;
+    hit.map = float2(0.0, 0.0);
+    hit.normal = hit.position;
+    hit.true_normal = hit.position;
+    return hit;
+}
+
+// A direction of the world in the frustum's frame.
+float3 conemap_into(conemap_frustum f, float3 d) {
+    return float3(f.axis_x.x * d.x + f.axis_x.y * d.y + f.axis_x.z * d.z,
+                f.axis_y.x * d.x + f.axis_y.y * d.y + f.axis_y.z * d.z,
+                f.axis_z.x * d.x + f.axis_z.y * d.y + f.axis_z.z * d.z);
+}
+
+float3 conemap_place_into(conemap_frustum f, float3 p) {
+    return conemap_into(f, float3(p.x - f.axis_x.w, p.y - f.axis_y.w, p.z - f.axis_z.w));
+}
+
+float3 conemap_unit(float3 n) {
+    float by = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
+    by = by > 0.0 ? 1.0 / by : 0.0;
+    return float3(n.x * by, n.y * by, n.z * by);
+}
+
+// Narrows (from, to, face) to where g + gv t >= 0; a ray that enters there enters through `face`.
+float3 conemap_half(float3 span, float g, float gv, float face) {
+    float t = gv != 0.0 ? -g / gv : 0.0;
+    if (gv > 0.0 && t > span.x) span = float3(t, span.y, face);
+    if (gv < 0.0) span.y = min(span.y, t);
+    if (gv == 0.0 && g < 0.0) span.y = -1e30;
+    return span;
+}
+
+// Where a ray of the frame is between the cutting planes and inside a cone (radius at y = 0, its growth): from, to, and
+// the face that it enters through, 0 the cone, 1 the lower plane, 2 the upper; nowhere if from > to. The quadratic is
+// set up where the ray is nearest to the axis, its discriminant from the ray's moment about the axis, and solved in
+// the form that does not cancel. There is no apex, so cylinders are nothing special, and no mirrored nappe.
+float3 conemap_span(conemap_frustum f, float2 cone, float3 o, float3 v, float t_min, float t_max) {
+    float seam = 1e-6 * (f.extent.x + cone.x); // by so much neighbours overlap: rounding opens no gap
+    float3 span = float3(t_min, t_max, 0.0);
+    span = conemap_half(span, o.y - f.lower.x * o.x - f.lower.y * o.z - f.lower.z + seam,
+                        v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0);
+    span = conemap_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
+                        f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0);
+    if (span.x > span.y) return float3(1.0, 0.0, 0.0);
+    float across = v.x * v.x + v.z * v.z;
+    float at = across > 0.0 ? -(o.x * v.x + o.z * v.z) / across : span.x;
+    at = min(max(at, span.x), span.y);
+    float x = o.x + at * v.x, y = o.y + at * v.y, z = o.z + at * v.z, d = sqrt(x * x + z * z);
+    float radius = cone.x + cone.y * y, growth = cone.y * v.y, along = x * v.x + z * v.z;
+    float3 inside = conemap_half(float3(span.x - at, span.y - at, span.z), radius, growth, 0.0);
+    float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
+    float reach = sqrt(across) * radius, moment = abs(x * v.z - z * v.x);
+    float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0 * along * radius);
+    if (root < 0.0 && a > 0.0) return float3(1.0, 0.0, 0.0); // passes beside
+    root = sqrt(max(root, 0.0));
+    float q = b < 0.0 ? root - b : -root - b;
+    float one = a != 0.0 ? q / a : q > 0.0 ? 1e30 : -1e30, two = q != 0.0 ? c / q : one;
+    float first = min(one, two), second = max(one, two);
+    if (a < 0.0) { // steeper than the cone: inside it beyond one root, the other is the mirrored nappe's
+        second = growth > 0.0 ? 1e30 : first;
+        first = growth > 0.0 ? max(one, two) : -1e30;
+    }
+    if (a == 0.0 && q == 0.0) { // along its straight lines
+        first = -1e30;
+        second = c > 0.0 ? -1e30 : 1e30;
+    }
+    if (first > inside.x) inside = float3(first, inside.y, 0.0);
+    inside.y = min(inside.y, second);
+    if (inside.x > inside.y) return float3(1.0, 0.0, 0.0);
+    return float3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);
+}
+
+struct conemap_shell { // what bounds how fast the map's place changes along a ray
+    float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis
+    float by_turning, fixed_speed, span; // see conemap_bound_speed
+};
+
+// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its growth) in the
+// direction in which the plane rises by `tilt`.
+float conemap_cut(float4 plane, float tilt, float2 cone, float base) {
+    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0 - cone.y * tilt);
+}
+
+// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.
+float conemap_thickness(conemap_frustum f, float4 plane, float2 cone, float side) {
+    float tilt = abs(plane.x) + abs(plane.y), y = conemap_cut(plane, tilt, cone, 0.0);
+    float other = conemap_cut(plane, -tilt, cone, 0.0), across = abs(plane.x) - abs(plane.y);
+    y = side > 0.0 ? max(y, other) : min(y, other);
+    other = conemap_cut(plane, across, cone, 0.0);
+    y = side > 0.0 ? max(y, other) : min(y, other);
+    other = conemap_cut(plane, -across, cone, 0.0);
+    return f.radii.z + f.radii.w * (side > 0.0 ? max(y, other) : min(y, other));
+}
+
+// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r + k c) /
+// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than
+// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.
+conemap_shell conemap_bound_speed(conemap_frustum f, float3 o, float3 v) {
+    conemap_shell s;
+    float2 inner = float2(f.radii.x, f.radii.y), outer = float2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);
+    float lower = sqrt(f.lower.x * f.lower.x + f.lower.y * f.lower.y);
+    float upper = sqrt(f.upper.x * f.upper.x + f.upper.y * f.upper.y);
+    float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = max(lower, upper);
+    float k = max(abs(inner.y), abs(outer.y)), rest = 1.0 - k * n, vy = abs(v.y);
+    float c = max(abs(f.lower.z), abs(f.upper.z)), across = v.x * v.x + v.z * v.z;
+    float low = conemap_thickness(f, f.lower, outer, -1.0), high = conemap_thickness(f, f.upper, outer, 1.0);
+    float thinnest = min(low, high);
+    s.turning = abs(v.x * o.z - o.x * v.z);
+    s.nearest = across > 0.0 ? -(o.x * v.x + o.z * v.z) / across : 0.0;
+    s.by_turning = n * (max(inner.x, outer.x) + k * c) / (rest * rest);
+    s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0 - k * lower);
+    s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0 + k * upper);
+    s.fixed_speed = vy;
+    if (n > 0.0 && thinnest > 0.0)
+        s.fixed_speed += n * max(low, high) / rest * ((sqrt(across) + (k + abs(f.radii.w)) * vy) / thinnest);
+    if (n > 0.0 && !(thinnest > 0.0)) s.span = 0.0; // no bound
+    return s;
+}
+
+struct conemap_uvw { // a place in a frustum, with what it was computed from
+    float u, v, w;
+    float d, sine, cosine, thickness; // distance from the axis, direction from it; of the shell there
+    float2 cone; // that of the shell that goes through the place
+    float low, high; // y where its straight line there meets the cutting planes
+};
+
+// The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.
+float conemap_turns(float x, float z) {
+    float ax = abs(x), az = abs(z), large = max(ax, az), a = large > 0.0 ? min(ax, az) / large : 0.0;
+    float base = a > 0.414213562 ? 0.125 : 0.0; // turned back by an eighth
+    if (base > 0.0) a = (a - 1.0) / (a + 1.0);
+    float s = a * a;
+    float turns = base + a * (0.15915485 + s * (-0.05303445 + s * (0.03131805 - s * 0.01766679)));
+    if (ax > az) turns = 0.25 - turns;
+    if (z < 0.0) turns = 0.5 - turns;
+    return x < 0.0 ? 1.0 - turns : turns;
+}
+
+conemap_uvw conemap_locate(conemap_frustum f, float3 p) {
+    conemap_uvw at;
+    at.d = sqrt(p.x * p.x + p.z * p.z);
+    at.sine = at.d > 0.0 ? p.x / at.d : 0.0;
+    at.cosine = at.d > 0.0 ? p.z / at.d : 1.0;
+    at.thickness = f.radii.z + f.radii.w * p.y;
+    at.w = at.d - (f.radii.x + f.radii.y * p.y);
+    if (at.thickness > 0.0) at.w = at.w / at.thickness;
+    float w = at.thickness > 0.0 ? min(max(at.w, -0.5), 1.5) : 0.0;
+    at.cone = float2(f.radii.x + w * f.radii.z, f.radii.y + w * f.radii.w);
+    at.low = conemap_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0);
+    at.high = conemap_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0);
+    at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0;
+    at.u = conemap_turns(p.x, p.z);
+    return at;
+}
+
+float3 conemap_along(float3 o, float3 v, float t) {
+    return float3(o.x + t * v.x, o.y + t * v.y, o.z + t * v.z);
+}
+
+int2 conemap_size() {
+    uint width, height;
+    conemap_map.GetDimensions(width, height);
+    return int2(int(width), int(height));
+}
+
+// The map's u and v, not wrapped.
+float2 conemap_map_place(conemap_frustum f, float u, float v) {
+    float clamped = min(max(v, 0.0), 1.0);
+    return float2((u + clamped * f.extent.w) * float(f.more.y), f.extent.y + clamped * f.extent.z);
+}
+
+// The same in texels, from the centre of texel (0, 0).
+float2 conemap_texels(conemap_frustum f, float u, float v, int2 size) {
+    float2 at = conemap_map_place(f, u, v);
+    at.y -= floor(at.y);
+    return float2((at.x - floor(at.x)) * float(size.x) - 0.5, at.y * float(size.y) - 0.5);
+}
+
+int conemap_repeat(int i, int size) {
+    return i - int(floor((float(i) + 0.5) / float(size))) * size;
+}
+
+float2 conemap_texel(int i, int j, int2 size) {
+    return conemap_map.Load(int3(conemap_repeat(i, size.x), conemap_repeat(j, size.y), 0)).rg;
+}
+
+float conemap_mix(float4 h, float x, float y) {
+    float low = h.x + (h.y - h.x) * x, high = h.z + (h.w - h.z) * x;
+    return low + (high - low) * y;
+}
+
+// Height of the relief, and tangent of the cone there.
+float2 conemap_relief(conemap_frustum f, float u, float v) {
+    int2 size = conemap_size();
+    float2 at = conemap_texels(f, u, v, size);
+    int i = int(floor(at.x)), j = int(floor(at.y)), si = 1, sj = 1;
+    float x = at.x - floor(at.x), y = at.y - floor(at.y);
+    float2 a = conemap_texel(i, j, size), b = conemap_texel(i + si, j, size);
+    float2 c = conemap_texel(i, j + sj, size), d = conemap_texel(i + si, j + sj, size);
+    float4 heights = float4(a.x, b.x, c.x, d.x);
+    float height = conemap_mix(heights, x, y);
+    float cone = conemap_mix(float4(a.y, b.y, c.y, d.y), x, y);
+    return float2(height, cone);
+}
+
+// How fast the map's place changes at most, from t to t_end.
+float conemap_map_speed(conemap_frustum f, conemap_shell s, float3 o, float3 v, float t, float t_end) {
+    float3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));
+    float d2 = p.x * p.x + p.z * p.z;
+    if (!(s.span > 0.0) || !(d2 > 0.0)) return 1e30;
+    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float by_u = (angle * 0.159154943 + by_v * abs(f.extent.w)) * float(f.more.y);
+    by_v *= abs(f.extent.z);
+    return sqrt(by_u * by_u + by_v * by_v);
+}
+
+// How far the ray is above the relief at t, in heights.
+float conemap_above(conemap_frustum f, float3 o, float3 v, float t) {
+    conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));
+    return at.w - conemap_relief(f, at.u, at.v).x;
+}
+
+// Cone steps, none shorter than one of 256 equal ones, then halvings: t where the ray meets the relief in a range
+// of t, at its end if `solid`; 1e30: it does not. The ray is g above the cone's apex, in the world's units, and
+// meets nothing while g + g' t > thickness speed t / tangent.
+float conemap_march(conemap_frustum f, float3 o, float3 v, float2 range, bool solid) {
+    float before = range.x, t = range.x;
+    bool met = false;
+    float least = (range.y - range.x) / float(256);
+    float thick_end = f.radii.z + f.radii.w * (o.y + range.y * v.y);
+    conemap_shell shell = conemap_bound_speed(f, o, v);
+    for (int k = 0; k <= 256; ++k) {
+        conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));
+        float2 relief = conemap_relief(f, at.u, at.v);
+        met = at.w <= relief.x || (solid && t >= range.y);
+        if (met || t >= range.y) break;
+        float apex = relief.x + 1.0 / 1048576.0, g = (at.w - apex) * at.thickness;
+        float slope = at.sine * v.x + at.cosine * v.z - (f.radii.y + f.radii.w * apex) * v.y;
+        float closing = max(at.thickness, thick_end) * conemap_map_speed(f, shell, o, v, t, range.y);
+        closing -= relief.y * slope;
+        before = t;
+        t += max(g <= 0.0 ? 0.0 : closing > 0.0 ? relief.y * g / closing : 1e30, least);
+        if (t > range.y || k + 1 >= 256) t = range.y;
+    }
+    for (int n = 0; met && n < 10; ++n) {
+        float middle = 0.5 * (before + t);
+        bool over = conemap_above(f, o, v, middle) > 0.0;
+        before = over ? middle : before;
+        t = over ? t : middle;
+    }
+    return met ? t : 1e30;
+}
+
+// t where a ray of the frame meets the frustum's relief, 1e30 where it does not, and the face; see conemap_span.
+float2 conemap_meet(conemap_frustum f, float3 o, float3 v, float t_min, float t_max) {
+    float3 inner = conemap_span(f, float2(f.radii.x, f.radii.y), o, v, t_min, t_max), outer = inner;
+    bool solid = inner.x <= inner.y, shell = f.radii.z > 0.0 || f.radii.w > 0.0;
+    if (shell) outer = conemap_span(f, float2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, t_min, t_max);
+    if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell
+    float t = outer.x <= outer.y ? outer.x : 1e30;
+    if (shell && outer.x <= outer.y)
+        t = conemap_march(f, o, v, float2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid);
+    return float2(t, t > outer.x ? 0.0 : outer.z);
+}
+
+struct conemap_normals { // in the world, units
+    float3 shading, plain; // continuous across joints; of the surface as it is
+    float away; // how far the place is outside the surface, in the world's units
+};
+
+// The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.
+float3 conemap_end_normal(conemap_frustum f, float4 plane, conemap_uvw at, float joint) {
+    float y = conemap_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);
+    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrt(radius * radius + y * y);
+    if (!(radius > 1e-6 * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit
+        radius = 1.0;
+        y = 0.0;
+        size = 1.0;
+    }
+    float lean = plane.w * size / sqrt(1.0 + plane.x * plane.x + plane.y * plane.y);
+    return conemap_unit(float3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
+}
+
+// Height of the relief, and what it grows by per turn of u and per v of the frustum.
+float3 conemap_slopes(conemap_frustum f, float u, float v) {
+    int2 size = conemap_size();
+    float2 at = conemap_texels(f, u, v, size);
+    int i = int(floor(at.x)), j = int(floor(at.y));
+    float x = at.x - floor(at.x), y = at.y - floor(at.y);
+    float a = conemap_texel(i, j, size).x, b = conemap_texel(i + 1, j, size).x;
+    float c = conemap_texel(i, j + 1, size).x, d = conemap_texel(i + 1, j + 1, size).x;
+    float low = b - a, high = d - c, by_u = (low + (high - low) * y) * float(size.x) * float(f.more.y);
+    float by_v = (c - a + (d - c - b + a) * x) * float(size.y) * f.extent.z;
+    return float3(a + low * x + (c - a + (high - low) * x) * y, by_u, by_v + by_u * f.extent.w);
+}
+
+// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.
+float3 conemap_cut_gradient(conemap_frustum f, float4 plane, conemap_uvw at, float y, float3 angle, float3 w) {
+    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0 - at.cone.y * tilt;
+    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);
+    float b = at.thickness > 0.0 ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0;
+    return float3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);
+}
+
+// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
+float3 conemap_out_of(conemap_frustum f, float3 n) {
+    return float3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
+                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
+                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
+}
+
+conemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {
+    float3 low = conemap_end_normal(f, f.lower, at, 0.0), high = conemap_end_normal(f, f.upper, at, f.extent.x);
+    float m = min(max(at.v, 0.0), 1.0), l = 1.0, height = 0.0;
+    if ((f.more.x & 32) != 0) m = m * m * (3.0 - 2.0 * m); // C1
+    l = 1.0 - m;
+    float3 smoothed = conemap_unit(float3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
+    float3 grad_w = float3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness
+    float steep = sqrt(1.0 + at.cone.y * at.cone.y);
+    smoothed = float3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);
+    if (at.thickness > 0.0 && at.d > 1e-6 * f.extent.x) { // the relief's slopes
+        float by_d = at.thickness / at.d, span = at.high - at.low;
+        float3 angle = float3(at.cosine * by_d, 0.0, -at.sine * by_d), slopes = conemap_slopes(f, at.u, at.v);
+        float3 a = conemap_cut_gradient(f, f.lower, at, at.low, angle, grad_w);
+        float3 b = conemap_cut_gradient(f, f.upper, at, at.high, angle, grad_w);
+        float by_u = slopes.y * 0.159154943, by_v = slopes.z / span, rest = 1.0 - at.v;
+        float3 s = float3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),
+                      by_v * (at.thickness - rest * a.y - at.v * b.y),
+                      by_u * angle.z - by_v * (rest * a.z + at.v * b.z));
+        grad_w = float3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);
+        smoothed = float3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);
+        height = slopes.x;
+    }
+    conemap_normals n;
+    n.shading = conemap_unit(conemap_out_of(f, smoothed));
+    n.plain = conemap_unit(conemap_out_of(f, grad_w));
+    n.away = at.thickness > 0.0 ? (at.w - height) * at.thickness : at.w;
+    return n;
+}
+
+float3 conemap_place_out_of(conemap_frustum f, float3 p) {
+    float4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
+    float3 d = conemap_out_of(f, float3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
+                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
+                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
+    return float3(x.w + d.x, y.w + d.y, z.w + d.z);
+}
+
+// The frustum of a chain that a place is beside, a few up or down from `frustum`.
+int conemap_beside(int frustum, float3 place) {
+    for (int k = 0; k < 4; ++k) {
+        conemap_frustum f = conemap_load(frustum);
+        float3 p = conemap_place_into(f, place);
+        int next = -1;
+        if (p.y < f.lower.x * p.x + f.lower.y * p.z + f.lower.z && (f.more.x & 2) == 0) next = f.links.x;
+        if (p.y > f.upper.x * p.x + f.upper.y * p.z + f.upper.z && f.links.y >= 0) next = f.links.y;
+        if (next < 0) break;
+        frustum = next;
+    }
+    return frustum;
+}
+
+// Adds the normal of a frustum that comes near a place of the world: all of it where the place lies on it, nothing from
+// `reach` away. `branch`: it begins inside another one, and counts only above its foot.
+float3 conemap_mix_normal(int frustum, float3 place, float reach, bool branch, float3 sum) {
+    conemap_frustum f = conemap_load(frustum);
+    float3 p = conemap_place_into(f, place);
+    float weight = branch ? min(max(4.0 * p.y / (f.radii.x + f.radii.z), 0.0), 1.0) : 1.0;
+    if (weight > 0.0 && p.y <= f.extent.x + reach && p.y >= -reach - f.extent.x) {
+        conemap_normals n = conemap_find_normals(f, conemap_locate(f, p));
+        float near_by = min(max(1.0 - n.away / reach, 0.0), 1.0);
+        weight *= near_by * near_by * (3.0 - 2.0 * near_by);
+        sum = float3(sum.x + weight * n.shading.x, sum.y + weight * n.shading.y, sum.z + weight * n.shading.z);
+    }
+    return sum;
+}
+
+// Mixes in the branches that leave a frustum's top, but not `except`.
+float3 conemap_mix_branches(int first, int except, float3 place, float3 sum) {
+    int branch = first;
+    for (int k = 0; k < 64 && branch >= 0; ++k) {
+        float4 radii = conemap_real4(conemap_row(branch, 5));
+        if (branch != except) {
+            int beside = conemap_beside(branch, place);
+            sum = conemap_mix_normal(beside, place, 5.0e-1 * (radii.x + radii.z), beside == branch, sum);
+        }
+        branch = conemap_row(branch, 7).w;
+    }
+    return sum;
+}
+
+// Where branches leave a chain, the normals of the surfaces that meet there are mixed: those of the branches that leave
+// the frustum's own chain nearby, and if that chain is itself a branch, of the chain it leaves and its other branches.
+float3 conemap_blend(int frustum, float3 place, float3 normal) {
+    int at = conemap_row(frustum, 7).y;
+    for (int up = 1; up < 4 && at >= 0; ++up) {
+        int4 links = conemap_row(at, 7);
+        normal = conemap_mix_branches(links.z, -1, place, normal);
+        at = links.y;
+    }
+    at = frustum;
+    for (int down = 0; down < 4 && at >= 0; ++down) {
+        int4 links = conemap_row(at, 7);
+        normal = conemap_mix_branches(links.z, -1, place, normal);
+        if ((conemap_row(at, 8).x & 2) != 0) { // a branch
+            float4 radii = conemap_real4(conemap_row(at, 5));
+            int beside = conemap_beside(links.x, place);
+            normal = conemap_mix_normal(beside, place, 5.0e-1 * (radii.x + radii.z), false, normal);
+            normal = conemap_mix_branches(conemap_row(links.x, 7).z, at, place, normal);
+            links.x = -1;
+        }
+        at = links.x;
+    }
+    return conemap_unit(normal);
+}
+
+// All about a place where a ray of the frame meets a frustum.
+conemap_frustum_hit conemap_surface(conemap_frustum f, int frustum, float3 p, int face) {
+    conemap_frustum_hit hit;
+    conemap_uvw at = conemap_locate(f, p);
+    conemap_normals n = conemap_find_normals(f, at);
+    int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;
+    hit.found = true;
+    hit.inside = false;
+    hit.frustum = frustum;
+    hit.user = f.more.z;
+    hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam
+    hit.t = 0.0;
+    hit.position = conemap_place_out_of(f, p);
+    hit.uvw = float3(at.u, min(max(at.v, 0.0), 1.0), at.w);
+    hit.map = conemap_map_place(f, at.u, at.v);
+    hit.normal = n.shading;
+    hit.true_normal = n.plain;
+    if (hit.cap != 0) {
+        float4 lower = f.lower, upper = f.upper;
+        float3 flat_end = face == 1 ? float3(lower.x, -1.0, lower.y) : float3(-upper.x, 1.0, -upper.y);
+        hit.normal = conemap_unit(conemap_out_of(f, flat_end));
+        hit.true_normal = hit.normal;
+    }
+    if (hit.cap == 0) hit.normal = conemap_blend(frustum, hit.position, hit.normal);
+    return hit;
+}
+
+// What a pixel sees of a frustum whose bounds were drawn there: `place` of the frame, from conemap_bounds; eye as
+// conemap_eye, (position, 1) or for parallel rays (direction, 0). Rays begin at the bounds, not at the eye: single
+// precision then holds however far the eye is.
+conemap_frustum_hit conemap_see_frustum(int frustum, float3 place, float4 eye) {
+    conemap_frustum f = conemap_load(frustum);
+    conemap_frustum_hit hit = conemap_no_frustum(0.0);
+    float3 v = conemap_into(f, float3(eye.x, eye.y, eye.z));
+    float back = 1e30; // how far the ray begins before the place
+    if (eye.w != 0.0) {
+        float3 from = conemap_place_into(f, float3(eye.x, eye.y, eye.z));
+        v = float3(place.x - from.x, place.y - from.y, place.z - from.z);
+        back = sqrt(v.x * v.x + v.y * v.y + v.z * v.z);
+    }
+    v = conemap_unit(v);
+    float2 met = conemap_meet(f, place, v, -back, 1e30);
+    if (met.x < 1e30) {
+        hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));
+        float3 way = float3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);
+        hit.t = eye.w != 0.0 ? sqrt(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;
+        hit.inside = met.x <= -back;
+    }
+    return hit;
+}
+
+struct conemap_targets {
+    float4 color : SV_Target0;
+    float depth : SV_Depth;
+};
+float4 shade(conemap_frustum_hit hit);
+
+conemap_targets main(float3 place : TEXCOORD0, nointerpolation int segment : TEXCOORD1) {
+    conemap_frustum_hit hit = conemap_see_frustum(segment, place, conemap_eye);
+    if (!hit.found) discard;
+    float4 clip = mul(conemap_view_projection, float4(hit.position, 1.0));
+    conemap_targets targets;
+    targets.color = shade(hit);
+    targets.depth = clip.z / clip.w;
+    return targets;
+}

@@ -1,0 +1,223 @@
+/* Writes the emitted frusta for the compilers:  frusta_variants DIALECT FOLDER [random count]
+   Every value of every option, every pair of two, and a seeded random sample; equal texts once. What the emitter refuses
+   is skipped; the count of each is printed. Functions get what a host adds around them. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define CONEMAP_IMPLEMENTATION
+#include "conemap.h"
+#include "../zoo.h"
+
+enum { DIALECT_COUNT = CONEMAP_DIALECT_COUNT };
+static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
+                                                    "es310",   "hlsl50",  "hlsl60",  "c99"};
+static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
+                                                    "310 es",   "",         "",         ""};
+
+static const struct {
+    const char *name;
+    int values;
+} options[] = {
+    {"stage", 3},     {"source", 5},     {"count", 2},       {"relief", 2}, {"march", 3},  {"linear_v", 2},
+    {"steps", 2},     {"refine", 2},     {"format", 4},      {"encoding", 3}, {"layout", 3}, {"per_cell", 2},
+    {"wrap_v", 2},    {"guarantee", 2},  {"aspect", 2},      {"size", 2},   {"filter", 3}, {"height", 2},
+    {"any", 2},       {"blend", 2},      {"shade", 2},       {"depth", 2},  {"zero", 2},   {"names", 2},
+    {"binding", 2},   {"set", 2},        {"fetch", 2},       {"fetch_frusta", 2},
+};
+enum { OPTIONS = sizeof options / sizeof options[0] };
+
+static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const int *choice)
+{
+    int k = 0;
+    memset(d, 0, sizeof *d);
+    d->dialect = dialect;
+    d->stage = (conemap_frusta_stage)choice[k++];
+    d->source = (conemap_frusta_source)choice[k++];
+    d->uniform_count = choice[k++] ? 20 : 0;
+    d->relief = choice[k++] == 0; /* the first is the one that most options matter to */
+    d->march = (conemap_march)choice[k++];
+    d->linear_v = choice[k++];
+    d->steps = choice[k++] ? 33 : 0;
+    d->refine_steps = choice[k++] ? 4 : 0;
+    d->map.texture.format = (conemap_format)choice[k++];
+    d->map.texture.encoding = (conemap_encoding)choice[k++];
+    d->map.texture.layout = (conemap_layout)choice[k++];
+    d->map.texture.per_cell = choice[k++];
+    d->map.wrap_u = CONEMAP_WRAP;
+    d->map.wrap_v = choice[k++] ? CONEMAP_CLAMP : CONEMAP_WRAP;
+    d->map.guarantee = choice[k++] ? CONEMAP_GUARANTEE_RELAXED : CONEMAP_GUARANTEE_DEFAULT;
+    d->map.aspect = choice[k++] ? 0.3f : 0.0f;
+    d->fixed_size = choice[k++];
+    d->filter = (conemap_filter)choice[k++];
+    d->height = choice[k++] ? 0.7f : 0.0f;
+    d->any_hit = choice[k++];
+    d->blend = choice[k++] ? 0.5f : 0.0f;
+    d->shade = choice[k++] ? "host_shade" : NULL;
+    d->depth_only = choice[k++];
+    d->zero_to_one = choice[k++];
+    if (choice[k++]) {
+        d->prefix = "tree";
+        d->frusta_name = "limbs";
+        d->map_name = "bark";
+        d->heights_name = "soil";
+        d->sampler_name = "nearest_texel";
+    }
+    d->binding = choice[k++] ? 3 : 0;
+    d->set = choice[k++] ? 2 : 0;
+    if (choice[k++] || (dialect == CONEMAP_C99 && d->relief)) {
+        d->fetch = "host_fetch";
+        d->fixed_size = 1;
+    }
+    if (d->fixed_size) {
+        d->map.width = 200;
+        d->map.height = 100;
+    }
+    if (choice[k++] || dialect == CONEMAP_C99) d->fetch_frusta = "host_rows";
+}
+
+static char text[131072], whole[196608];
+static char (*seen)[20];
+static int seen_count, written, refused, equal;
+static const char *folder;
+
+static int known(const char *content)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    char key[20];
+    int k;
+    for (; *content; ++content) hash = (hash ^ (unsigned char)*content) * 0x100000001b3u;
+    sprintf(key, "%016llx", (unsigned long long)hash);
+    for (k = 0; k < seen_count; ++k)
+        if (memcmp(seen[k], key, 16) == 0) return 1;
+    if (seen_count % 1024 == 0) seen = (char(*)[20])realloc(seen, (size_t)(seen_count + 1024) * 20);
+    if (!seen) exit(2);
+    memcpy(seen[seen_count++], key, 20);
+    return 0;
+}
+
+/* What a host writes around functions, and the functions that it was asked for. */
+static void wrap(const conemap_frusta_shader_desc *d)
+{
+    const int hlsl = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60, c = d->dialect == CONEMAP_C99;
+    const int cones = strstr(text, "by cone steps") != NULL, vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN;
+    const char *prefix = d->prefix ? d->prefix : "conemap";
+    const char *vec2 = hlsl ? "float2" : "vec2", *vec3 = hlsl ? "float3" : "vec3", *vec4 = hlsl ? "float4" : "vec4";
+    char *at = whole;
+    whole[0] = 0;
+    if (d->stage == CONEMAP_FRUSTA_FUNCTIONS && !hlsl && !c) at += sprintf(at, "#version %s\n", versions[d->dialect]);
+    at += sprintf(at, "%s", text);
+    if (d->stage == CONEMAP_FRUSTA_FUNCTIONS) {
+        if (c) {
+            at += sprintf(at, "int host(int k, %s_vec3 o, %s_vec4 e);\nint host(int k, %s_vec3 o, %s_vec4 e) {\n", prefix,
+                          prefix, prefix, prefix);
+            if (d->any_hit)
+                at += sprintf(at, "    (void)e;\n    return %s_any_frusta(0, k, o, %s_bounds(k, 0), 0.0f, 1.0f);\n}\n",
+                              prefix, prefix);
+            else
+                at += sprintf(at,
+                              "    return %s_trace_frusta(0, k, o, %s_bounds(k, 0), 0.0f, 1.0f).found +\n           "
+                              "%s_see_frustum(k, o, e).found;\n}\n",
+                              prefix, prefix, prefix);
+        } else {
+            char call[600];
+            const char *place = hlsl ? "place" : "host_place";
+            sprintf(call, "%s_%s_frusta(0, 5, %s.xyz, %s_bounds(2, 7), 0.0, 9.0)%s", prefix,
+                    d->any_hit ? "any" : "trace", place, prefix, d->any_hit ? "" : ".found");
+            if (!d->any_hit) sprintf(call + strlen(call), " || %s_see_frustum(1, %s.xyz, %s).found", prefix, place, place);
+            if (hlsl)
+                at += sprintf(at, "float4 main(float4 place : TEXCOORD0) : SV_Target {\n    return %s ? 1.0 : 0.0;\n}\n",
+                              call);
+            else
+                at += sprintf(at,
+                              "%sin vec4 host_place;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s ? "
+                              "1.0 : 0.0);\n}\n",
+                              vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call);
+        }
+    }
+    if (d->shade)
+        at += sprintf(at, "%s host_shade(%s_frustum_hit hit) {\n    return %s(hit.normal, 1.0);\n}\n", vec4, prefix, vec4);
+    if (d->fetch && d->relief) {
+        if (c && cones)
+            at += sprintf(at, "%s_vec2 host_fetch(int i, int j) {\n    %s_vec2 v;\n    v.x = v.y = (float)(i + j);\n    "
+                              "return v;\n}\n",
+                          prefix, prefix);
+        else if (c || !cones)
+            at += sprintf(at, "float host_fetch(int i, int j) {\n    return %s(i + j);\n}\n", c ? "(float)" : "float");
+        else
+            at += sprintf(at, "%s host_fetch(int i, int j) {\n    return %s(0.01 * float(i + j), 0.5);\n}\n", vec2, vec2);
+    }
+    if (d->fetch_frusta) {
+        const char *ivec4 = hlsl ? "int4" : c ? "_ivec4" : "ivec4";
+        at += sprintf(at, "%s%s host_rows(int frustum, int row) {\n", c ? prefix : "", ivec4);
+        at += c ? sprintf(at, "    %s_ivec4 v;\n    v.x = v.y = v.z = v.w = frustum + row;\n    return v;\n}\n", prefix)
+                : sprintf(at, "    return %s(frustum, row, 1, 2);\n}\n", ivec4);
+    }
+    (void)vec3;
+    (void)at;
+}
+
+static void variant(conemap_dialect dialect, const int *choice)
+{
+    static const char *const kinds[3] = {"functions", "vertex", "fragment"};
+    conemap_frusta_shader_desc desc;
+    conemap_result result;
+    char path[600];
+    size_t size = 0;
+    FILE *file;
+    fill(&desc, dialect, choice);
+    result = conemap_emit_frusta(&desc, text, sizeof text, &size);
+    if (result == CONEMAP_ERROR_UNSUPPORTED) {
+        ++refused;
+        return;
+    }
+    if (result != CONEMAP_OK) {
+        fprintf(stderr, "frusta_variants: %s\n", conemap_result_string(result));
+        exit(1);
+    }
+    wrap(&desc);
+    if (known(whole)) {
+        ++equal;
+        return;
+    }
+    sprintf(path, "%s/%05d_%s.%s", folder, written++, kinds[desc.stage],
+            dialect == CONEMAP_C99                                     ? "c"
+            : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
+            : desc.stage == CONEMAP_FRUSTA_VERTEX                      ? "vert"
+                                                                       : "frag");
+    file = fopen(path, "wb");
+    if (!file || fputs(whole, file) < 0 || fclose(file) != 0) {
+        fprintf(stderr, "frusta_variants: %s cannot be written\n", path);
+        exit(1);
+    }
+}
+
+int main(int argument_count, char **arguments)
+{
+    int choice[OPTIONS], dialect = 0, a, b, x, y, k, sample = argument_count > 3 ? atoi(arguments[3]) : 300;
+    struct zoo_random random = zoo_seed(2027);
+    if (argument_count < 3) return 1;
+    while (dialect < DIALECT_COUNT && strcmp(dialects[dialect], arguments[1]) != 0) ++dialect;
+    if (dialect == DIALECT_COUNT) return 1;
+    folder = arguments[2];
+    memset(choice, 0, sizeof choice);
+    variant((conemap_dialect)dialect, choice);
+    for (a = 0; a < OPTIONS; ++a)
+        for (b = a; b < OPTIONS; ++b)
+            for (x = 1; x < options[a].values; ++x)
+                for (y = 1; y < options[b].values; ++y) {
+                    choice[a] = x;
+                    choice[b] = y;
+                    variant((conemap_dialect)dialect, choice);
+                    choice[a] = choice[b] = 0;
+                }
+    for (k = 0; k < sample * 40 && sample > 0; ++k) { /* most of what is drawn is refused */
+        int before = written;
+        for (a = 0; a < OPTIONS; ++a)
+            choice[a] = zoo_below(&random, 3) ? 0 : zoo_below(&random, options[a].values);
+        variant((conemap_dialect)dialect, choice);
+        sample -= written > before;
+    }
+    printf("frusta, %s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
+    return 0;
+}
