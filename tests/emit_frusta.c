@@ -272,7 +272,8 @@ static conemap_ray plant_ray(struct zoo_random *random, const struct plant *plan
     length = sqrtf(length);
     for (k = 0; k < 3; ++k) {
         ray.direction[k] /= length;
-        ray.origin[k] = a[k] - ray.direction[k] * (kind == 4 ? 0.0f : 0.4f * plant->size);
+        ray.origin[k] =
+            a[k] - ray.direction[k] * (kind == 4 ? 0.0f : kind == 5 ? 300.0f * plant->size : 0.4f * plant->size);
     }
     return ray;
 }
@@ -285,20 +286,34 @@ static double way(const float *a, const float *b)
     return sqrt(sum);
 }
 
-/* What single precision can tell apart: of the ray's start, and of the frusta. */
-static double grain_of(const struct plant *plant, const conemap_ray *ray)
+/* What single precision can tell apart: of the frusta and their place in the world, and of the ray's start, but where
+   rays begin at the bounds the eye's distance costs nothing. */
+static double grain_of(const struct plant *plant, const conemap_ray *ray, int pixel)
 {
     double reach = (double)plant->size;
     int k;
-    for (k = 0; k < 3; ++k) reach += fabs((double)ray->origin[k] - (double)plant->joints[0].position[k]);
-    for (k = 0; k < 3; ++k) reach += 0.25 * fabs((double)ray->origin[k]); /* kind 4: the world's origin is far */
+    for (k = 0; k < 3; ++k) {
+        reach += 0.5 * fabs((double)plant->joints[0].position[k]);
+        if (!pixel) reach += fabs((double)ray->origin[k] - (double)plant->joints[0].position[k]);
+    }
     return 1e-6 * reach;
 }
 
-static int same(const conemap_skeleton_hit *cpu, const struct seen *gpu, double grain)
+/* t of a place: the hit's own has as many bits as a float leaves at that distance. */
+static double t_of(const conemap_ray *ray, const float *position)
+{
+    double sum = 0;
+    int k;
+    for (k = 0; k < 3; ++k)
+        sum += ((double)position[k] - (double)ray->origin[k]) * (double)ray->direction[k];
+    return sum;
+}
+
+static int same(const conemap_skeleton_trace_desc *trace, const conemap_ray *ray, const conemap_skeleton_hit *cpu,
+                const struct seen *gpu, double grain)
 {
     if ((cpu->status == CONEMAP_HIT) != gpu->found) return 0;
-    return !gpu->found || fabs((double)cpu->t - (double)gpu->t) <= grain;
+    return !gpu->found || trace->any_hit || fabs(t_of(ray, cpu->position) - t_of(ray, gpu->position)) <= grain;
 }
 
 /* The place of o + t v in a frustum's frame. */
@@ -365,12 +380,12 @@ static int on_edge(const conemap_skeleton *skeleton, const conemap_skeleton_trac
             double t;
             nudge(ray->origin, by, code, beside.origin);
             conemap_skeleton_trace(skeleton, trace, &beside, &hit, 1);
-            t = hit.status == CONEMAP_HIT ? (double)hit.t : HUGE_VAL;
+            t = hit.status != CONEMAP_HIT ? HUGE_VAL : trace->any_hit ? 0.0 : t_of(ray, hit.position);
             if (t < first) first = t;
             if (t > last) last = t;
         }
         if (gpu->found ? trace->any_hit && first < HUGE_VAL : !(last < HUGE_VAL)) return 1;
-        if (!gpu->found || trace->any_hit || (double)gpu->t > last + by) continue;
+        if (!gpu->found || trace->any_hit || t_of(ray, gpu->position) > last + by) continue;
         for (code = 0; code < 27; ++code) {
             float place[3];
             nudge(gpu->position, by, code, place);
@@ -416,14 +431,13 @@ struct counts {
 static void compare(const struct golden *g, const struct plant *plant, const conemap_skeleton *skeleton,
                     const conemap_skeleton_trace_desc *trace, const conemap_ray *ray, int pixel, struct counts *counts)
 {
-    const double grain = grain_of(plant, ray);
+    const double grain = grain_of(plant, ray, pixel);
     conemap_skeleton_hit cpu;
     struct seen gpu = pixel ? look(g, skeleton, ray) : g->trace(ray);
     conemap_skeleton_trace(skeleton, trace, ray, &cpu, 1);
     ++counts->rays;
     counts->hits += gpu.found;
-    if (trace->any_hit) cpu.t = gpu.t;
-    if (!same(&cpu, &gpu, grain)) {
+    if (!same(trace, ray, &cpu, &gpu, grain)) {
         ++counts->different;
         counts->unexplained += !on_edge(skeleton, trace, ray, &gpu, grain);
         return;
