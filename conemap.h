@@ -1155,13 +1155,15 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
 
    FUNCTIONS to paste are
        conemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max)
-       conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees
+       conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees; t
+                                                         counts from the eye, for parallel rays from the bounds
        vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
    or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
 
    Single precision. Rays are followed in the frustum's own frame, from the bounds on where they were drawn, so that an
    error is a few 2^-24 of the frustum's size and its shell's, however far away the eye is. conemap_trace_frusta begins
-   at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). */
+   at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). Neighbours overlap by 1e-6 of
+   their size, so that rounding opens no gap between them. Rows may be scaled for elliptical sections, as on the CPU. */
 typedef enum conemap_frusta_stage {
     CONEMAP_FRUSTA_FUNCTIONS = 0, /* to paste behind the host's own #version */
     CONEMAP_FRUSTA_VERTEX,        /* a whole vertex shader */

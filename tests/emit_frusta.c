@@ -250,7 +250,7 @@ static void make_plant(struct zoo_random *random, int kind, struct plant *plant)
 /* Through two places of the shell, from some way before; along the axis, across a tip, tangent. */
 static conemap_ray plant_ray(struct zoo_random *random, const struct plant *plant, const conemap_frustum *f)
 {
-    float from[3], to[3], a[3], b[3], length = 0.0f;
+    float from[3], to[3], a[3], b[3], length = 0.0f, before;
     const int kind = zoo_below(random, 8);
     conemap_ray ray;
     int k;
@@ -270,12 +270,21 @@ static conemap_ray plant_ray(struct zoo_random *random, const struct plant *plan
     }
     if (!(length > 1e-20f)) ray.direction[0] = length = 1.0f;
     length = sqrtf(length);
+    /* From afar, but not at the long and thin: a float would not tell such a ray from those beside it. */
+    before = kind == 4 ? 0.0f : kind == 5 && plant->size < 100.0f ? 300.0f * plant->size : 0.4f * plant->size;
     for (k = 0; k < 3; ++k) {
         ray.direction[k] /= length;
-        ray.origin[k] =
-            a[k] - ray.direction[k] * (kind == 4 ? 0.0f : kind == 5 ? 300.0f * plant->size : 0.4f * plant->size);
+        ray.origin[k] = a[k] - ray.direction[k] * before;
     }
     return ray;
+}
+
+/* Elliptical sections: a row of another length, as conemap_frustum allows; longer ones stay inside the boxes. */
+static void squash(conemap_skeleton *skeleton)
+{
+    int i, k;
+    for (i = 0; i < skeleton->count; ++i)
+        for (k = 0; k < 3; ++k) skeleton->build.frusta[i].axis_x[k] *= 1.4f;
 }
 
 static double way(const float *a, const float *b)
@@ -489,6 +498,7 @@ static void runs_as_c(void)
             make_plant(&random, round % 6, &plant);
             plant.desc.blend = shader.blend;
             if (!CHECK(conemap_skeleton_build(&plant.desc, &skeleton) == CONEMAP_OK, "skeleton")) return;
+            if (round % 5 == 4) squash(&skeleton);
             if (shader.relief && !maps[kind].heights) relief_map(kind, 5, &goldens[g], &maps[kind]);
             memset(&trace, 0, sizeof trace);
             trace.map = shader.relief ? &maps[kind] : NULL;
@@ -513,7 +523,7 @@ static void runs_as_c(void)
         all.unexplained += counts.unexplained;
         CHECK(counts.hits > counts.rays / 4, "%s: %d hits of %d", goldens[g].file, counts.hits, counts.rays);
         /* Steps can pass over what is thin, on either side; linear v depends on where the shell is entered and left. */
-        CHECK(counts.unexplained * 1000 <= (g == PLAIN ? 0 : g == LINEAR ? 4 : 1) * counts.rays,
+        CHECK(counts.unexplained <= (g == PLAIN ? counts.rays / 100000 : 2 + counts.rays / (g == LINEAR ? 250 : 1000)),
               "%s: %d of %d rays differ, not on an edge", goldens[g].file, counts.unexplained, counts.rays);
         /* Slopes jump between bilinear cells. */
         CHECK(counts.turned * 100 <= counts.places, "%s: %d of %d normals or coordinates are others", goldens[g].file,
@@ -534,6 +544,7 @@ static void bounds(void)
         conemap_skeleton skeleton;
         make_plant(&random, round % 6, &plant);
         REQUIRE(conemap_skeleton_build(&plant.desc, &skeleton) == CONEMAP_OK, "skeleton");
+        if (round % 5 == 4) squash(&skeleton);
         bound.skeleton = &skeleton;
         for (i = 0; i < skeleton.count; ++i) {
             float corners[8][3], place[3], right[3];
