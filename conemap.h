@@ -1155,13 +1155,15 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
 
    FUNCTIONS to paste are
        conemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max)
-       conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees
+       conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees; t
+                                                         counts from the eye, for parallel rays from the bounds
        vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
    or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
 
    Single precision. Rays are followed in the frustum's own frame, from the bounds on where they were drawn, so that an
    error is a few 2^-24 of the frustum's size and its shell's, however far away the eye is. conemap_trace_frusta begins
-   at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). */
+   at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). Neighbours overlap by 1e-6 of
+   their size, so that rounding opens no gap between them. Rows may be scaled for elliptical sections, as on the CPU. */
 typedef enum conemap_frusta_stage {
     CONEMAP_FRUSTA_FUNCTIONS = 0, /* to paste behind the host's own #version */
     CONEMAP_FRUSTA_VERTEX,        /* a whole vertex shader */
@@ -1170,11 +1172,12 @@ typedef enum conemap_frusta_stage {
 } conemap_frusta_stage;
 
 typedef enum conemap_frusta_source { /* what the frusta are read from, always as integers (floats can lose small ones) */
-    CONEMAP_FRUSTA_DEFAULT = 0,  /* BUFFER, but TEXELS in GLSL 330 and TEXTURE in ES */
-    CONEMAP_FRUSTA_BUFFER,       /* storage buffer (std430), structured buffer. Not GLSL 330 and ES 300 */
+    CONEMAP_FRUSTA_DEFAULT = 0,  /* BUFFER, but TEXELS in GLSL 330 and HLSL 5.0, TEXTURE in ES */
+    CONEMAP_FRUSTA_BUFFER,       /* storage buffer (std430), structured buffer. Not GLSL 330, ES 300, HLSL 5.0 (some of
+                                    its compilers refuse them beside SV_Depth) */
     CONEMAP_FRUSTA_UNIFORMS,     /* uniform block (std140), constant buffer */
     CONEMAP_FRUSTA_TEXTURE,      /* RGBA32I texture: nine texels a frustum, floor(width / 9) frusta a row. Not HLSL */
-    CONEMAP_FRUSTA_TEXELS,       /* buffer texture, RGBA32I. Not ES */
+    CONEMAP_FRUSTA_TEXELS,       /* buffer texture, Buffer<int4>, RGBA32I. Not ES */
     CONEMAP_FRUSTA_SOURCE_COUNT
 } conemap_frusta_source;
 
@@ -10772,7 +10775,6 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "                        v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);\n"
      "    span = conemap_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,\n"
      "                        f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);\n"
-     "    if (span.x > span.y) return vec3(1.0f, 0.0f, 0.0f);\n"
      "    float across = v.x * v.x + v.z * v.z;\n"
      "    float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;\n"
      "    at = min(max(at, span.x), span.y);\n"
@@ -10782,7 +10784,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);\n"
      "    float reach = sqrt(across) * radius, moment = abs(x * v.z - z * v.x);\n"
      "    float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);\n"
-     "    if (root < 0.0f && a > 0.0f) return vec3(1.0f, 0.0f, 0.0f); // passes beside\n"
+     "    bool meets = span.x <= span.y && (root >= 0.0f || a <= 0.0f); // or passes beside\n"
      "    root = sqrt(max(root, 0.0f));\n"
      "    float q = b < 0.0f ? root - b : -root - b;\n"
      "    float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;\n"
@@ -10797,8 +10799,8 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    }\n"
      "    if (first > inside.x) inside = vec3(first, inside.y, 0.0f);\n"
      "    inside.y = min(inside.y, second);\n"
-     "    if (inside.x > inside.y) return vec3(1.0f, 0.0f, 0.0f);\n"
-     "    return vec3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);\n"
+     "    span = vec3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);\n"
+     "    return meets && inside.x <= inside.y ? span : vec3(1.0f, 0.0f, 0.0f);\n"
      "}\n"},
     {"conemap_turns",
      "// The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.\n"
@@ -10955,11 +10957,10 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "$FNfloat conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, float t, float t_end) {\n"
      "    vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));\n"
      "    float d2 = p.x * p.x + p.z * p.z;\n"
-     "    if (!(s.span > 0.0f) || !(d2 > 0.0f)) return 1e30f;\n"
-     "    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;\n"
+     "    float angle = s.turning / max(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;\n"
      "    float by_u = (angle * 0.159154943f + by_v * abs(f.extent.w)) * float(f.more.y);\n"
      "    by_v *= abs(f.extent.z)$TIMES_ASPECT;\n"
-     "    return sqrt(by_u * by_u + by_v * by_v);\n"
+     "    return s.span > 0.0f && d2 > 0.0f ? sqrt(by_u * by_u + by_v * by_v) : 1e30f;\n"
      "}\n"},
     {"conemap_march",
      "?steps_march // Equal steps, then halvings [BJCW09 section 3]: t where the ray meets the relief in a "
@@ -11397,7 +11398,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         {CONEMAP_FRUSTA_TEXELS, 0, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
         {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
         {CONEMAP_FRUSTA_TEXTURE, 0, 1, 1, 0}, {CONEMAP_FRUSTA_TEXTURE, 1, 1, 1, 0},
-        {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
+        {CONEMAP_FRUSTA_TEXELS, 0, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
         {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}};
     conemap_shader_desc *s = &e->desc;
     unsigned char *f = e->flags;

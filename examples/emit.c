@@ -1,4 +1,5 @@
-/* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl   (--help lists the options) */
+/* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl     (--help lists the options)
+   or frusta's:       emit --frusta relief --stage fragment > frusta.frag */
 #define CONEMAP_IMPLEMENTATION
 #include "../conemap.h"
 #include <stdio.h>
@@ -6,7 +7,7 @@
 
 static const char *const dialects[] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
                                        "es310",   "hlsl50",  "hlsl60",  "c99",    NULL};
-static const char *const stages[] = {"functions", "fragment", "compute", NULL};
+static const char *const stages[] = {"functions", "fragment", "compute", "vertex", NULL};
 static const char *const tracers[] = {"default",    "exact",    "linear", "fixed", "loop",
                                       "exact-step", "cell-max", "maxmip", "qdm",   NULL};
 static const char *const refinements[] = {"none", "secant", "bisect", NULL};
@@ -18,6 +19,9 @@ static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
 static const char *const guarantees[] = {"default",          "none", "vertex", "bilinear", "relaxed",
                                          "relaxed-bilinear", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
+static const char *const frusta_kinds[] = {"no", "plain", "relief", NULL};
+static const char *const sources[] = {"default", "buffer", "uniforms", "texture", "texels", NULL};
+static const char *const marches[] = {"default", "steps", "cones", NULL};
 
 struct option {
     const char *name;
@@ -30,7 +34,7 @@ struct option {
 
 static void help(const struct option *options) {
     int k, w;
-    printf("emit [options]: prints a shader that traces rays through a cone map\n\n");
+    printf("emit [options]: prints a shader that traces rays through a cone map, or that draws frusta\n\n");
     for (k = 0; options[k].name; ++k) {
         printf("  %-18s", options[k].name);
         for (w = 0; options[k].words && options[k].words[w]; ++w)
@@ -41,9 +45,10 @@ static void help(const struct option *options) {
 
 int main(int argument_count, char **arguments) {
     conemap_shader_desc desc = {0};
+    conemap_frusta_shader_desc frusta = {0};
     int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
         wrap_v = 0;
-    int filter = 0, guarantee = 0, precision = 0, k, m;
+    int filter = 0, guarantee = 0, precision = 0, kind = 0, source = 0, march = 0, k, m;
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
         {"--stage", stages, &stage, NULL, NULL, ""},
@@ -86,6 +91,17 @@ int main(int argument_count, char **arguments) {
         {"--sampler-name", NULL, NULL, NULL, &desc.sampler_name, "HLSL"},
         {"--fetch", NULL, NULL, NULL, &desc.fetch, "a function of the host that reads texels"},
         {"--fetch-maxima", NULL, NULL, NULL, &desc.fetch_maxima, "the same for maxima"},
+        {"--frusta", frusta_kinds, &kind, NULL, NULL, ": stages functions, vertex, fragment; a map wraps in u"},
+        {"--source", sources, &source, NULL, NULL, ": what the frusta are read from"},
+        {"--march", marches, &march, NULL, NULL, ""},
+        {"--march-steps", NULL, &frusta.steps, NULL, NULL, "equal steps through the shell"},
+        {"--linear-v", NULL, &frusta.linear_v, NULL, NULL, "1: v as [BJCW09] approximates it"},
+        {"--surface", NULL, NULL, &frusta.height, NULL, "of plain frusta: height in the shell"},
+        {"--blend", NULL, NULL, &frusta.blend, NULL, "as in the skeleton's desc"},
+        {"--shade", NULL, NULL, NULL, &frusta.shade, "a function of the host that colours a hit"},
+        {"--depth-only", NULL, &frusta.depth_only, NULL, NULL, "1: no targets"},
+        {"--frusta-name", NULL, NULL, NULL, &frusta.frusta_name, "buffer or texture"},
+        {"--fetch-frusta", NULL, NULL, NULL, &frusta.fetch_frusta, "a function of the host that reads rows"},
         {NULL, NULL, NULL, NULL, NULL, NULL},
     };
     conemap_result result;
@@ -132,9 +148,35 @@ int main(int argument_count, char **arguments) {
     desc.map.guarantee = (conemap_guarantee)guarantee;
     desc.filter = (conemap_filter)filter;
     desc.precision = (conemap_precision)precision;
-    result = conemap_emit(&desc, NULL, 0, &size);
+    if (kind == 0 && stage == 3) desc.stage = CONEMAP_STAGE_COUNT; /* there is none */
+    frusta.dialect = desc.dialect;
+    frusta.stage = stage == 1   ? CONEMAP_FRUSTA_FRAGMENT
+                   : stage == 3 ? CONEMAP_FRUSTA_VERTEX
+                   : stage == 0 ? CONEMAP_FRUSTA_FUNCTIONS
+                                : CONEMAP_FRUSTA_STAGE_COUNT;
+    frusta.source = (conemap_frusta_source)source;
+    frusta.relief = kind == 2;
+    frusta.map = desc.map;
+    frusta.fixed_size = desc.fixed_size;
+    frusta.filter = desc.filter;
+    frusta.march = (conemap_march)march;
+    frusta.refine_steps = desc.trace.refine_steps;
+    frusta.any_hit = desc.trace.any_hit;
+    frusta.set = desc.set;
+    frusta.binding = desc.binding;
+    frusta.sampler_binding = desc.sampler_binding;
+    frusta.prefix = desc.prefix;
+    frusta.map_name = desc.map_name;
+    frusta.heights_name = desc.heights_name;
+    frusta.sampler_name = desc.sampler_name;
+    frusta.fetch = desc.fetch;
+    if (kind == 2 && wrap_u == 0) frusta.map.wrap_u = CONEMAP_WRAP;
+    result = kind ? conemap_emit_frusta(&frusta, NULL, 0, &size) : conemap_emit(&desc, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
-    if (result == CONEMAP_OK) result = text ? conemap_emit(&desc, text, size, NULL) : CONEMAP_ERROR_MEMORY;
+    if (result == CONEMAP_OK)
+        result = !text ? CONEMAP_ERROR_MEMORY
+                 : kind ? conemap_emit_frusta(&frusta, text, size, NULL)
+                        : conemap_emit(&desc, text, size, NULL);
     if (result != CONEMAP_OK) {
         fprintf(stderr, "emit: %s\n", conemap_result_string(result));
         return 1;

@@ -33,6 +33,9 @@ works build/hello
 works build/emit --help
 works build/emit --dialect hlsl50 --tracer exact --stage compute
 grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
+works build/emit --frusta relief --stage fragment
+grep -q gl_FragDepth "$dir/stdout" || say "emit prints no shader for frusta"
+refuses build/emit --stage vertex
 refuses build/emit --dialect cobol
 refuses build/emit --tracer
 refuses build/emit --stage compute

@@ -107,7 +107,6 @@ vec3 conemap_span(conemap_frustum f, vec2 cone, vec3 o, vec3 v, float t_min, flo
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0);
     span = conemap_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0);
-    if (span.x > span.y) return vec3(1.0, 0.0, 0.0);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0 ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = min(max(at, span.x), span.y);
@@ -117,7 +116,7 @@ vec3 conemap_span(conemap_frustum f, vec2 cone, vec3 o, vec3 v, float t_min, flo
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrt(across) * radius, moment = abs(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0 * along * radius);
-    if (root < 0.0 && a > 0.0) return vec3(1.0, 0.0, 0.0); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0 || a <= 0.0); // or passes beside
     root = sqrt(max(root, 0.0));
     float q = b < 0.0 ? root - b : -root - b;
     float one = a != 0.0 ? q / a : q > 0.0 ? 1e30 : -1e30, two = q != 0.0 ? c / q : one;
@@ -132,8 +131,8 @@ vec3 conemap_span(conemap_frustum f, vec2 cone, vec3 o, vec3 v, float t_min, flo
     }
     if (first > inside.x) inside = vec3(first, inside.y, 0.0);
     inside.y = min(inside.y, second);
-    if (inside.x > inside.y) return vec3(1.0, 0.0, 0.0);
-    return vec3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);
+    span = vec3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : vec3(1.0, 0.0, 0.0);
 }
 
 struct conemap_shell { // what bounds how fast the map's place changes along a ray
@@ -267,11 +266,10 @@ vec2 conemap_relief(conemap_frustum f, float u, float v) {
 float conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, float t, float t_end) {
     vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    if (!(s.span > 0.0) || !(d2 > 0.0)) return 1e30;
-    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / max(d2, 1e-30), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
     float by_u = (angle * 0.159154943 + by_v * abs(f.extent.w)) * float(f.more.y);
     by_v *= abs(f.extent.z);
-    return sqrt(by_u * by_u + by_v * by_v);
+    return s.span > 0.0 && d2 > 0.0 ? sqrt(by_u * by_u + by_v * by_v) : 1e30;
 }
 
 // How far the ray is above the relief at t, in heights.

@@ -1,10 +1,10 @@
 // conemap.h: frusta with relief, by cone steps.
-// conemap_frusta: conemap_frustum, one after the other
+// conemap_frusta: rgba32i, nine texels for each conemap_frustum
 // conemap_map: rg32f, height and tan of the cone; only fetched
 // conemap_view_projection takes a column (position, 1) of the world; conemap_eye: (position, 1), or for
 // parallel rays (direction, 0); conemap_first: the frustum of instance 0.
 
-StructuredBuffer<int4> conemap_frusta : register(t1);
+Buffer<int4> conemap_frusta : register(t1);
 Texture2D<float2> conemap_map : register(t0);
 cbuffer conemap_camera : register(b0) {
     float4x4 conemap_view_projection;
@@ -39,7 +39,7 @@ float4 conemap_real4(int4 bits) {
 
 // One of a frustum's nine rows, as integers: as floats, a unit could flush its small ones to 0.
 int4 conemap_row(int frustum, int row) {
-    return conemap_frusta[9 * frustum + row];
+    return conemap_frusta.Load(9 * frustum + row);
 }
 
 conemap_frustum conemap_load(int frustum) {
@@ -109,7 +109,6 @@ float3 conemap_span(conemap_frustum f, float2 cone, float3 o, float3 v, float t_
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0);
     span = conemap_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0);
-    if (span.x > span.y) return float3(1.0, 0.0, 0.0);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0 ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = min(max(at, span.x), span.y);
@@ -119,7 +118,7 @@ float3 conemap_span(conemap_frustum f, float2 cone, float3 o, float3 v, float t_
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrt(across) * radius, moment = abs(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0 * along * radius);
-    if (root < 0.0 && a > 0.0) return float3(1.0, 0.0, 0.0); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0 || a <= 0.0); // or passes beside
     root = sqrt(max(root, 0.0));
     float q = b < 0.0 ? root - b : -root - b;
     float one = a != 0.0 ? q / a : q > 0.0 ? 1e30 : -1e30, two = q != 0.0 ? c / q : one;
@@ -134,8 +133,8 @@ float3 conemap_span(conemap_frustum f, float2 cone, float3 o, float3 v, float t_
     }
     if (first > inside.x) inside = float3(first, inside.y, 0.0);
     inside.y = min(inside.y, second);
-    if (inside.x > inside.y) return float3(1.0, 0.0, 0.0);
-    return float3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);
+    span = float3(max(span.x, inside.x + at), min(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : float3(1.0, 0.0, 0.0);
 }
 
 struct conemap_shell { // what bounds how fast the map's place changes along a ray
@@ -275,11 +274,10 @@ float2 conemap_relief(conemap_frustum f, float u, float v) {
 float conemap_map_speed(conemap_frustum f, conemap_shell s, float3 o, float3 v, float t, float t_end) {
     float3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    if (!(s.span > 0.0) || !(d2 > 0.0)) return 1e30;
-    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / max(d2, 1e-30), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
     float by_u = (angle * 0.159154943 + by_v * abs(f.extent.w)) * float(f.more.y);
     by_v *= abs(f.extent.z);
-    return sqrt(by_u * by_u + by_v * by_v);
+    return s.span > 0.0 && d2 > 0.0 ? sqrt(by_u * by_u + by_v * by_v) : 1e30;
 }
 
 // How far the ray is above the relief at t, in heights.

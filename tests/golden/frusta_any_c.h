@@ -102,7 +102,6 @@ static fany_vec3 fany_span(fany_frustum f, fany_vec2 cone, fany_vec3 o, fany_vec
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);
     span = fany_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);
-    if (span.x > span.y) return fany_make_vec3(1.0f, 0.0f, 0.0f);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = fminf(fmaxf(at, span.x), span.y);
@@ -112,7 +111,7 @@ static fany_vec3 fany_span(fany_frustum f, fany_vec2 cone, fany_vec3 o, fany_vec
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrtf(across) * radius, moment = fabsf(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);
-    if (root < 0.0f && a > 0.0f) return fany_make_vec3(1.0f, 0.0f, 0.0f); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0f || a <= 0.0f); // or passes beside
     root = sqrtf(fmaxf(root, 0.0f));
     float q = b < 0.0f ? root - b : -root - b;
     float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;
@@ -127,8 +126,8 @@ static fany_vec3 fany_span(fany_frustum f, fany_vec2 cone, fany_vec3 o, fany_vec
     }
     if (first > inside.x) inside = fany_make_vec3(first, inside.y, 0.0f);
     inside.y = fminf(inside.y, second);
-    if (inside.x > inside.y) return fany_make_vec3(1.0f, 0.0f, 0.0f);
-    return fany_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    span = fany_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : fany_make_vec3(1.0f, 0.0f, 0.0f);
 }
 
 static fany_vec2 fany_make_vec2(float x, float y) {
@@ -268,11 +267,10 @@ static fany_vec2 fany_relief(fany_frustum f, float u, float v) {
 static float fany_map_speed(fany_frustum f, fany_shell s, fany_vec3 o, fany_vec3 v, float t, float t_end) {
     fany_vec3 p = fany_along(o, v, fminf(fmaxf(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    if (!(s.span > 0.0f) || !(d2 > 0.0f)) return 1e30f;
-    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / fmaxf(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
     float by_u = (angle * 0.159154943f + by_v * fabsf(f.extent.w)) * (float)(f.more.y);
     by_v *= fabsf(f.extent.z);
-    return sqrtf(by_u * by_u + by_v * by_v);
+    return s.span > 0.0f && d2 > 0.0f ? sqrtf(by_u * by_u + by_v * by_v) : 1e30f;
 }
 
 // How far the ray is above the relief at t, in heights.

@@ -137,7 +137,6 @@ static fcones_vec3 fcones_span(fcones_frustum f, fcones_vec2 cone, fcones_vec3 o
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);
     span = fcones_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);
-    if (span.x > span.y) return fcones_make_vec3(1.0f, 0.0f, 0.0f);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = fminf(fmaxf(at, span.x), span.y);
@@ -147,7 +146,7 @@ static fcones_vec3 fcones_span(fcones_frustum f, fcones_vec2 cone, fcones_vec3 o
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrtf(across) * radius, moment = fabsf(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);
-    if (root < 0.0f && a > 0.0f) return fcones_make_vec3(1.0f, 0.0f, 0.0f); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0f || a <= 0.0f); // or passes beside
     root = sqrtf(fmaxf(root, 0.0f));
     float q = b < 0.0f ? root - b : -root - b;
     float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;
@@ -162,8 +161,8 @@ static fcones_vec3 fcones_span(fcones_frustum f, fcones_vec2 cone, fcones_vec3 o
     }
     if (first > inside.x) inside = fcones_make_vec3(first, inside.y, 0.0f);
     inside.y = fminf(inside.y, second);
-    if (inside.x > inside.y) return fcones_make_vec3(1.0f, 0.0f, 0.0f);
-    return fcones_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    span = fcones_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : fcones_make_vec3(1.0f, 0.0f, 0.0f);
 }
 
 typedef struct fcones_shell { // what bounds how fast the map's place changes along a ray
@@ -296,11 +295,10 @@ static fcones_vec2 fcones_relief(fcones_frustum f, float u, float v) {
 static float fcones_map_speed(fcones_frustum f, fcones_shell s, fcones_vec3 o, fcones_vec3 v, float t, float t_end) {
     fcones_vec3 p = fcones_along(o, v, fminf(fmaxf(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    if (!(s.span > 0.0f) || !(d2 > 0.0f)) return 1e30f;
-    float angle = s.turning / d2, by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / fmaxf(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
     float by_u = (angle * 0.159154943f + by_v * fabsf(f.extent.w)) * (float)(f.more.y);
     by_v *= fabsf(f.extent.z) * 7.5e-1f;
-    return sqrtf(by_u * by_u + by_v * by_v);
+    return s.span > 0.0f && d2 > 0.0f ? sqrtf(by_u * by_u + by_v * by_v) : 1e30f;
 }
 
 // How far the ray is above the relief at t, in heights.

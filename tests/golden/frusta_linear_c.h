@@ -137,7 +137,6 @@ static flinear_vec3 flinear_span(flinear_frustum f, flinear_vec2 cone, flinear_v
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);
     span = flinear_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);
-    if (span.x > span.y) return flinear_make_vec3(1.0f, 0.0f, 0.0f);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = fminf(fmaxf(at, span.x), span.y);
@@ -147,7 +146,7 @@ static flinear_vec3 flinear_span(flinear_frustum f, flinear_vec2 cone, flinear_v
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrtf(across) * radius, moment = fabsf(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);
-    if (root < 0.0f && a > 0.0f) return flinear_make_vec3(1.0f, 0.0f, 0.0f); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0f || a <= 0.0f); // or passes beside
     root = sqrtf(fmaxf(root, 0.0f));
     float q = b < 0.0f ? root - b : -root - b;
     float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;
@@ -162,8 +161,8 @@ static flinear_vec3 flinear_span(flinear_frustum f, flinear_vec2 cone, flinear_v
     }
     if (first > inside.x) inside = flinear_make_vec3(first, inside.y, 0.0f);
     inside.y = fminf(inside.y, second);
-    if (inside.x > inside.y) return flinear_make_vec3(1.0f, 0.0f, 0.0f);
-    return flinear_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    span = flinear_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : flinear_make_vec3(1.0f, 0.0f, 0.0f);
 }
 
 // One for every 45 degrees between the cutting planes.

@@ -137,7 +137,6 @@ static fsteps_vec3 fsteps_span(fsteps_frustum f, fsteps_vec2 cone, fsteps_vec3 o
                         v.y - f.lower.x * v.x - f.lower.y * v.z, 1.0f);
     span = fsteps_half(span, f.upper.x * o.x + f.upper.y * o.z + f.upper.z - o.y + seam,
                         f.upper.x * v.x + f.upper.y * v.z - v.y, 2.0f);
-    if (span.x > span.y) return fsteps_make_vec3(1.0f, 0.0f, 0.0f);
     float across = v.x * v.x + v.z * v.z;
     float at = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : span.x;
     at = fminf(fmaxf(at, span.x), span.y);
@@ -147,7 +146,7 @@ static fsteps_vec3 fsteps_span(fsteps_frustum f, fsteps_vec2 cone, fsteps_vec3 o
     float a = across - growth * growth, b = along - radius * growth, c = (d - radius) * (d + radius);
     float reach = sqrtf(across) * radius, moment = fabsf(x * v.z - z * v.x);
     float root = (reach - moment) * (reach + moment) + growth * (growth * d * d - 2.0f * along * radius);
-    if (root < 0.0f && a > 0.0f) return fsteps_make_vec3(1.0f, 0.0f, 0.0f); // passes beside
+    bool meets = span.x <= span.y && (root >= 0.0f || a <= 0.0f); // or passes beside
     root = sqrtf(fmaxf(root, 0.0f));
     float q = b < 0.0f ? root - b : -root - b;
     float one = a != 0.0f ? q / a : q > 0.0f ? 1e30f : -1e30f, two = q != 0.0f ? c / q : one;
@@ -162,8 +161,8 @@ static fsteps_vec3 fsteps_span(fsteps_frustum f, fsteps_vec2 cone, fsteps_vec3 o
     }
     if (first > inside.x) inside = fsteps_make_vec3(first, inside.y, 0.0f);
     inside.y = fminf(inside.y, second);
-    if (inside.x > inside.y) return fsteps_make_vec3(1.0f, 0.0f, 0.0f);
-    return fsteps_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    span = fsteps_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
+    return meets && inside.x <= inside.y ? span : fsteps_make_vec3(1.0f, 0.0f, 0.0f);
 }
 
 typedef struct fsteps_uvw { // a place in a frustum, with what it was computed from

@@ -149,9 +149,12 @@ static void wrap(const conemap_frusta_shader_desc *d)
     }
     if (d->fetch_frusta) {
         const char *ivec4 = hlsl ? "int4" : c ? "_ivec4" : "ivec4";
+        if (hlsl) at += sprintf(at, "cbuffer host_block : register(b7) {\n    int4 host_given;\n};\n");
+        else if (vulkan) at += sprintf(at, "layout(push_constant) uniform host_block {\n    ivec4 host_given;\n};\n");
+        else if (!c) at += sprintf(at, "uniform ivec4 host_given;\n");
         at += sprintf(at, "%s%s host_rows(int frustum, int row) {\n", c ? prefix : "", ivec4);
         at += c ? sprintf(at, "    %s_ivec4 v;\n    v.x = v.y = v.z = v.w = frustum + row;\n    return v;\n}\n", prefix)
-                : sprintf(at, "    return %s(frustum, row, 1, 2);\n}\n", ivec4);
+                : sprintf(at, "    return host_given + %s(frustum, row, 1, 2);\n}\n", ivec4);
     }
     (void)vec3;
     (void)at;
