@@ -772,6 +772,9 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
        conemap_emit(&shader, NULL, 0, &size);       // the bytes that are needed
        conemap_emit(&shader, text, size, NULL);     // the text, closed by a zero
 
+   A map with sectors has a texture of cones for each four of them (see conemap_texture_count) and one of heights; the
+   shader finds the ray's sector once and reads one channel.
+
    The emitted function takes a ray of the unit box (see CONVENTIONS) and answers with the hit:
 
        conemap_hit hit = conemap_trace(origin, direction);  // hit.found, hit.t, hit.position (u, v, z)
@@ -820,8 +823,8 @@ typedef enum conemap_stage {
 
 typedef enum conemap_filter { /* how the surface between texels is read */
     CONEMAP_FILTER_FETCH = 0,    /* four texel fetches, interpolated in the shader */
-    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits. Not GLSL 330 and ES 300; the sampler wraps
-                                    as the map does (edge for CLAMP and NOTHING) */
+    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits; cones of sectors are fetched all the same. Not
+                                    GLSL 330 and ES 300; the sampler wraps as the map does (edge for CLAMP and NOTHING) */
     CONEMAP_FILTER_HARDWARE,     /* the texture unit's own filter: fast, 8-bit weights. Not for EXACT, MAXMIP, QDM */
     CONEMAP_FILTER_COUNT
 } conemap_filter;
@@ -842,8 +845,6 @@ typedef struct conemap_shader_desc {
                                   bilinear guarantee, aspect 1, max_tan 1. generator, slack and hash don't matter */
     int fixed_size;            /* nonzero: map.width and map.height are written as constants */
     conemap_filter filter;
-    int sectors;               /* cones per texel by direction; 0 and 1: one. 4 and 8 are reserved: sector s of N is
-                                  chosen by the signs of the direction, counted 0..N - 1 */
 
     int steps, status;         /* nonzero: hit.steps, hit.status (the numbers of conemap_status) for debugging */
     int t_range;               /* nonzero: the ray is followed from t_min to t_max, else from 0 without end */
@@ -857,14 +858,18 @@ typedef struct conemap_shader_desc {
     int set, binding, sampler_binding; /* the first texture's; further ones follow. Binding: GLSL 430 and up, ES 310,
                                   HLSL (registers t and s). Set: Vulkan; HLSL 6.0 (space) */
     const char *prefix;        /* of every emitted name; null: "conemap" */
-    const char *map_name;      /* textures and sampler; null: prefix_map, prefix_heights, prefix_maxima, prefix_sampler */
-    const char *heights_name;  /* CONE_ONLY: the host's heights, in the first channel */
+    const char *map_name;      /* textures and sampler; null: prefix_map, prefix_octants, prefix_heights, prefix_maxima,
+                                  prefix_sampler */
+    const char *octants_name;  /* 8 sectors: the map's second texture */
+    const char *heights_name;  /* CONE_ONLY and sectors: the heights, in the first channel; the host's or the map's */
     const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
     const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
     const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
                                   map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height and
-                                  stored cone; without cones (LINEAR, MAXMIP, QDM) `float NAME(...)`. Plus slice with
-                                  array. Not with GATHER; with HARDWARE not per_cell */
+                                  stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float NAME(...)`.
+                                  Plus slice with array. Not with GATHER; with HARDWARE not per_cell */
+    const char *fetch_cones;   /* sectors, with fetch: the stored cone, `float NAME(int i, int j, int sector)`, or with
+                                  HARDWARE `float NAME(float u, float v, int sector)` */
     const char *fetch_maxima;  /* MAXMIP, QDM: the same for the maxima, `float NAME(int i, int j, int level)` */
     unsigned flags;            /* reserved for effects and frusta; 0 */
 } conemap_shader_desc;
@@ -7277,7 +7282,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart)           \
     X(debug) X(cone_texel) X(fragment) X(compute) X(located) X(uses_map) X(uses_heights) X(uses_maxima)             \
     X(sampler) X(arguments) X(discards) X(host_maxima) X(external) X(version) X(solves) X(kernel) X(ring)           \
-    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)
+    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state) X(sectors) X(octants) X(both) X(uses_octants)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7356,6 +7361,15 @@ static const conemap__snippet conemap__snippets[] = {
     {"conemap_texel", "$FN$TEXEL_TYPE conemap_texel(int i, int j$MAP_PARAMS) {\n"
                       "    return $TEXEL;\n"
                       "}\n"},
+    {"conemap_cone", "// The cone as stored, for rays of a sector: see conemap_sector of conemap.h.\n"
+                     "$FNfloat conemap_cone($CONE_PARAMS) {\n"
+                     "?host     return $STORED_CONE;\n"
+                     "?octants,!host     vec4 cones;\n"
+                     "?octants,!host     if (sector > 3) cones = $OCTANTS;\n"
+                     "?octants,!host     else cones = $QUADRANTS;\n"
+                     "?octants,!host     return cones[sector & 3];\n"
+                     "?!octants,!host     return $QUADRANTS[sector];\n"
+                     "}\n"},
     {"conemap_turn", "// Gathered corners, the one behind the ray first.\n"
                      "vec4 conemap_turn(vec4 g, int si, int sj) {\n"
                      "    g = si > 0 ? g.wzxy : g.zwyx;\n"
@@ -7508,6 +7522,8 @@ static const char conemap__trace_head[] =
     "?wrap_u,!wrap_v     range = conemap_clip(range, origin.y, direction.y, $LOW_V, $HIGH_V);\n"
     "    int i = 0, j = 0, si = direction.x < 0.0f ? -1 : 1, sj = direction.y < 0.0f ? -1 : 1, steps = 0;\n"
     "    vec3 v = vec3(max(abs(direction.x) * $FW, 1e-20f), max(abs(direction.y) * $FH, 1e-20f), direction.z);\n"
+    "?sectors     int sector = (direction.x < 0.0f ? 1 : 0) + (direction.y < 0.0f ? 2 : 0);\n"
+    "?octants     if (v.y > v.x) sector += 4;\n"
     "    float x = float(si) * (origin.x * $FW - 0.5f), y = float(sj) * (origin.y * $FH - 0.5f), z = origin.z;\n"
     "?status,nothing     int end_status = box.x > box.y ? 1 : box.y == ground ? 2 : $T_MAX_STATUS;\n"
     "?status,!nothing     int end_status = $T_MAX_STATUS;\n"
@@ -7536,13 +7552,13 @@ static const char conemap__move_text[] =
     "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
 
 static const char conemap__surface_text[] = /* the height below the ray, and with `cones` the cone there */
-    "?cones,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
-    "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
+    "?both,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
+    "?both,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
-    "?cones,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
-    "?!cones,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
+    "?both,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?!both,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
     "j$MAP),\n"
-    "?!cones,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
+    "?!both,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
     "+ sj$MAP));\n"
     "?gather         vec2 uv = vec2(float(i + (si > 0 ? 1 : 0)) / $FW, float(j + (sj > 0 ? 1 : 0)) / $FH);\n"
     "?gather         vec4 heights = conemap_turn($GATHER_HEIGHTS, si, sj);\n"
@@ -7555,9 +7571,15 @@ static const char conemap__surface_text[] = /* the height below the ray, and wit
     "?!hardware         float height = conemap_mix(heights, x, y);\n";
 
 static const char conemap__cone_text[] =
-    "?!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
-    "?!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
-    "?gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
+    "?both,!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+    "?both,!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
+    "?both,gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
+    "?sectors,!hardware,!per_cell         vec4 cones = vec4(conemap_cone(i, j, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i + si, j, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i, j + sj, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i + si, j + sj, sector$MAP));\n"
+    "?sectors,!hardware,!per_cell         float cone = conemap_mix(cones, x, y);\n"
+    "?sectors,per_cell         float cone = conemap_cone(si > 0 ? i : i - 1, sj > 0 ? j : j - 1, sector$MAP);\n"
     "?cone_texel         float cone = conemap_texel(si > 0 ? i : i - 1, sj > 0 ? j : j - 1$MAP);\n"
     "?hardware,!apart         float cone = both.y;\n"
     "?hardware,apart,!per_cell         float cone = $SAMPLE_CONE;\n";
@@ -7703,8 +7725,9 @@ typedef struct conemap__piece {
     char text[CONEMAP__PIECE_SIZE];
 } conemap__piece;
 
-#define CONEMAP__PIECES 96
+#define CONEMAP__PIECES 128
 #define CONEMAP__NAME_SIZE 64
+#define CONEMAP__GIVEN 9
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -7715,8 +7738,8 @@ typedef struct conemap__emitter {
     conemap__piece pieces[CONEMAP__PIECES];
     int piece_count;
     const char *prefix;
-    const char *given[7];                   /* the host's names, or null */
-    char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
+    const char *given[CONEMAP__GIVEN];      /* the host's names, or null */
+    char names[5][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler, octants */
     int commenting;
     int clash; /* a word of the text is also a name of the host's */
 } conemap__emitter;
@@ -7825,7 +7848,7 @@ static void conemap__token(conemap__emitter *e, const char *token, size_t length
         break;
     }
     if (!e->commenting && !needs)
-        for (k = 0; k < 7; ++k) e->clash |= e->given[k] && conemap__same(e->given[k], token, length);
+        for (k = 0; k < CONEMAP__GIVEN; ++k) e->clash |= e->given[k] && conemap__same(e->given[k], token, length);
     if (needs) {
         if (!e->commenting) conemap__snippet_named(e, token, length);
     } else if (length > 8 && strncmp(token, "conemap_", 8) == 0) {
@@ -7927,18 +7950,22 @@ static const char conemap__head_text[] =
     "?size_argument // size: the map's width and height in texels.\n"
     "?array // slice: the texture array's.\n"
     "?uses_map // $MAP_NAME: $MAP_COMMENT\n"
+    "?uses_octants // $OCTANTS_NAME: the same of sectors 4 to 7\n"
     "?uses_heights // $HEIGHTS_NAME: height in the first channel$FILTER_COMMENT\n"
     "?uses_maxima // $MAXIMA_NAME: maxima over bilinear cells, with all its mips; only fetched\n"
     "?host // $FETCH_NAME: the host's; $FETCH_COMMENT\n"
+    "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
     "\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_octants,!external,glsl $OCTANTS_LAYOUTuniform $SAMPLER $OCTANTS_NAME;\n"
     "?uses_heights,!external,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_maxima,!external,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
     "?uses_map,!external,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_octants,!external,hlsl $TEXTURE<$MAP_TYPE> $OCTANTS_NAME$OCTANTS_LAYOUT;\n"
     "?uses_heights,!external,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,!external,hlsl $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
     "?sampler,!external SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
@@ -7946,6 +7973,7 @@ static const char conemap__head_text[] =
 
 static const char conemap__host_text[] =
     "$TEXEL_TYPE $FETCH_NAME($FETCH_PARAMS);\n"
+    "?sectors float $FETCH_CONES_NAME($FETCH_PLACE, int sector$SLICE_PARAM);\n"
     "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level$SLICE_PARAM);\n"
     "\n";
 
@@ -8067,8 +8095,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     if (d->map.max_tan == 0.0f) d->map.max_tan = 1.0f;
     if (!conemap__in_range(d->map.aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(d->map.max_tan, 1e-30f, CONEMAP_TAN_LIMIT) || d->set < 0 || d->set > 1024 ||
-        d->binding < 0 || d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536 ||
-        d->sectors < 0)
+        d->binding < 0 || d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536)
         return CONEMAP_ERROR_PARAMETER;
     if (d->fixed_size && (d->map.width < 1 || d->map.height < 1 || d->map.width > CONEMAP_MAX_SIZE ||
                           d->map.height > CONEMAP_MAX_SIZE))
@@ -8080,13 +8107,15 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     e->given[4] = d->sampler_name;
     e->given[5] = d->fetch;
     e->given[6] = d->fetch_maxima;
-    for (k = 0; k < 7; ++k) {
+    e->given[7] = d->octants_name;
+    e->given[8] = d->fetch_cones;
+    for (k = 0; k < CONEMAP__GIVEN; ++k) {
         if (!conemap__is_name(e->given[k])) return CONEMAP_ERROR_PARAMETER;
         for (m = 0; m < k; ++m)
             if (e->given[k] && e->given[m] && strcmp(e->given[k], e->given[m]) == 0)
                 return CONEMAP_ERROR_PARAMETER;
     }
-    if (d->flags != 0 || d->sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
+    if (d->flags != 0) return CONEMAP_ERROR_UNSUPPORTED;
 
     tracer = d->trace.tracer;
     e->prefix = d->prefix ? d->prefix : "conemap";
@@ -8125,11 +8154,16 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_host] = d->fetch != NULL;
     f[conemap__flag_host_maxima] = d->fetch_maxima != NULL && f[conemap__flag_blocks];
     f[conemap__flag_per_cell] = d->map.texture.per_cell && f[conemap__flag_cones];
-    f[conemap__flag_cone_only] = d->map.texture.layout == CONEMAP_CONE_ONLY && !d->fetch;
+    f[conemap__flag_sectors] = d->map.texture.sectors > 1 && f[conemap__flag_cones];
+    f[conemap__flag_octants] = d->map.texture.sectors == 8 && f[conemap__flag_cones];
+    f[conemap__flag_uses_octants] = f[conemap__flag_octants] && !d->fetch;
+    f[conemap__flag_both] = f[conemap__flag_cones] && !f[conemap__flag_sectors];
+    f[conemap__flag_cone_only] = /* heights in a texture of their own */
+        (d->map.texture.layout == CONEMAP_CONE_ONLY || d->map.texture.sectors > 1) && !d->fetch;
     f[conemap__flag_hardware] = d->filter == CONEMAP_FILTER_HARDWARE;
     f[conemap__flag_gather] = d->filter == CONEMAP_FILTER_GATHER;
-    f[conemap__flag_apart] = f[conemap__flag_cone_only] || f[conemap__flag_per_cell];
-    f[conemap__flag_cone_texel] = f[conemap__flag_cones] && f[conemap__flag_per_cell] &&
+    f[conemap__flag_apart] = f[conemap__flag_cone_only] || f[conemap__flag_per_cell] || f[conemap__flag_sectors];
+    f[conemap__flag_cone_texel] = f[conemap__flag_both] && f[conemap__flag_per_cell] &&
                                   (f[conemap__flag_gather] || f[conemap__flag_hardware]);
     f[conemap__flag_steps] = d->steps != 0 && !f[conemap__flag_any];
     f[conemap__flag_status] = d->status != 0 && !f[conemap__flag_any];
@@ -8164,6 +8198,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
             (exact && f[conemap__flag_hardware]) || (d->fetch && f[conemap__flag_gather]) ||
             (d->fetch && f[conemap__flag_hardware] && f[conemap__flag_per_cell]) ||
+            (d->fetch && f[conemap__flag_sectors] && !d->fetch_cones) ||
             (d->atlas && (d->filter != CONEMAP_FILTER_FETCH || d->fixed_size || f[conemap__flag_blocks])) ||
             (f[conemap__flag_per_cell] && d->map.texture.encoding == CONEMAP_RADIUS) ||
             (d->external && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->trace.any_hit && !f[conemap__flag_any]) ||
@@ -8244,8 +8279,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
     const char *map = "$MAP_NAME",
                *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
+    const char *octants = "$OCTANTS_NAME";
+    const int both = f[conemap__flag_both], filtered = f[conemap__flag_hardware] && !f[conemap__flag_per_cell];
     const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
-    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *gathers, *texel;
+    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *point, *gathers, *texel;
     char number_w[16], number_h[16];
     char *out;
     int binding = d->binding, k;
@@ -8420,13 +8457,14 @@ static void conemap__make_pieces(conemap__emitter *e) {
     uv = hlsl    ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)")
          : array ? ", vec3(uv, float(slice)), 0.0)"
                  : ", uv, 0.0)";
+    point = array ? ", vec3(u, v, float(slice)), 0.0)" : ", vec2(u, v), 0.0)";
     out = conemap__piece_new(e, "TEXEL", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, array ? "($I, $J, slice)" : "($I, $J)");
     } else if (f[conemap__flag_cone_texel]) {
         conemap__read_texture(e, out, map, fetch, texel, cone_swizzle);
-    } else if (!cones) {
+    } else if (!both) {
         conemap__read_texture(e, out, height_texture, fetch, texel, ".r");
     } else if (f[conemap__flag_cone_only]) {
         conemap__append(out, size, hlsl ? "float2(" : "vec2(");
@@ -8435,6 +8473,16 @@ static void conemap__make_pieces(conemap__emitter *e) {
     } else {
         conemap__read_texture(e, out, map, fetch, texel, ".rg");
     }
+    conemap__piece_set(e, "CONE_PARAMS", 0,
+                       filtered ? "$FETCH_PLACE, int sector$SLICE_PARAM" : "int i, int j, int sector$MAP_PARAMS");
+    conemap__piece_set(e, "FETCH_PLACE", 0, f[conemap__flag_hardware] ? "float u, float v" : "int i, int j");
+    conemap__piece_set(e, "STORED_CONE", 0,
+                       filtered ? (array ? "$FETCH_CONES_NAME(u, v, sector, slice)" : "$FETCH_CONES_NAME(u, v, sector)")
+                       : array  ? "$FETCH_CONES_NAME($I, $J, sector, slice)"
+                                : "$FETCH_CONES_NAME($I, $J, sector)");
+    for (k = 0; k < 2; ++k)
+        conemap__read_texture(e, conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0), k == 0 ? map : octants,
+                              filtered ? sample : fetch, filtered ? point : texel, "");
     out = conemap__piece_new(e, "SAMPLE", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
@@ -8444,7 +8492,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
         conemap__read_texture(e, out, map, sample, uv, ".rg");
         conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, sample, uv, ".r");
     }
-    conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+    if (both)
+        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+    else
+        conemap__piece_set(e, "SAMPLE_CONE", 0, array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
     for (k = 0; k < 2; ++k) {
         const int green = k == 1 && !f[conemap__flag_cone_only];
         out = conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0);
@@ -8486,7 +8537,7 @@ static void conemap__make_pieces(conemap__emitter *e) {
         conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
         conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
-    conemap__piece_set(e, "TEXEL_TYPE", 0, !cones || f[conemap__flag_cone_texel] ? "float" : "vec2");
+    conemap__piece_set(e, "TEXEL_TYPE", 0, !both || f[conemap__flag_cone_texel] ? "float" : "vec2");
     conemap__piece_set(e, "ANY_TEXTURE", 0, f[conemap__flag_uses_map] ? map : heights);
     conemap__piece_set(e, "LAYERS", 1, array ? ", layers" : "");
 
@@ -8499,23 +8550,26 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "HEIGHTS_NAME", 1, conemap__resource_name(e, 1, d->heights_name, "_heights"));
     conemap__piece_set(e, "MAXIMA_NAME", 1, conemap__resource_name(e, 2, d->maxima_name, "_maxima"));
     conemap__piece_set(e, "SAMPLER_NAME", 1, conemap__resource_name(e, 3, d->sampler_name, "_sampler"));
+    conemap__piece_set(e, "OCTANTS_NAME", 1, conemap__resource_name(e, 4, d->octants_name, "_octants"));
     conemap__piece_set(e, "FETCH_NAME", 1, host ? d->fetch : "");
     conemap__piece_set(e, "FETCH_MAXIMA_NAME", 1, d->fetch_maxima ? d->fetch_maxima : "");
-    conemap__piece_set(e, "FETCH_PARAMS", 0,
-                       f[conemap__flag_hardware] ? "float u, float v$SLICE_PARAM" : "int i, int j$SLICE_PARAM");
-    conemap__piece_set(e, "FETCH_COMMENT", 1, cones ? "height, and the cone as stored" : "height");
+    conemap__piece_set(e, "FETCH_CONES_NAME", 1, d->fetch_cones ? d->fetch_cones : "");
+    conemap__piece_set(e, "FETCH_PARAMS", 0, "$FETCH_PLACE$SLICE_PARAM");
+    conemap__piece_set(e, "FETCH_COMMENT", 1, both ? "height, and the cone as stored" : "height");
     conemap__piece_set(e, "FILTER_COMMENT", 1,
                        f[conemap__flag_hardware] ? "; linear filter"
                        : f[conemap__flag_gather] ? "; gathered"
                                                  : "; only fetched");
     out = conemap__piece_new(e, "MAP_COMMENT", 1);
     conemap__append(out, size,
-                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "r"
-                    : d->map.texture.layout == CONEMAP_DUMMER  ? "rgba"
-                                                               : "rg");
+                    f[conemap__flag_sectors]                     ? "rgba"
+                    : d->map.texture.layout == CONEMAP_CONE_ONLY ? "r"
+                    : d->map.texture.layout == CONEMAP_DUMMER    ? "rgba"
+                                                                 : "rg");
     conemap__append(out, size, formats[d->map.texture.format]);
-    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? ", " : ", height and ");
+    conemap__append(out, size, f[conemap__flag_cone_only] ? ", " : ", height and ");
     conemap__append(out, size, encodings[d->map.texture.encoding]);
+    if (f[conemap__flag_sectors]) conemap__append(out, size, " in sectors 0 to 3");
     if (d->map.texture.per_cell) conemap__append(out, size, ", one for each cell");
     if (d->map.texture.layout == CONEMAP_DUMMER) conemap__append(out, size, ", and slopes, not read here");
     conemap__append(out, size,
@@ -8532,11 +8586,14 @@ static void conemap__make_pieces(conemap__emitter *e) {
     out = conemap__piece_new(e, "MAP_TYPE", 1);
     if (unorm) conemap__append(out, size, "unorm ");
     conemap__append(out, size,
-                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "float"
-                    : d->map.texture.layout == CONEMAP_DUMMER  ? "float4"
-                                                               : "float2");
+                    f[conemap__flag_sectors]                     ? "float4"
+                    : d->map.texture.layout == CONEMAP_CONE_ONLY ? "float"
+                    : d->map.texture.layout == CONEMAP_DUMMER    ? "float4"
+                                                                 : "float2");
     conemap__place_resource(e, "MAP_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_map];
+    conemap__place_resource(e, "OCTANTS_LAYOUT", 't', binding);
+    binding += f[conemap__flag_uses_octants];
     conemap__place_resource(e, "HEIGHTS_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_heights];
     conemap__place_resource(e, "MAXIMA_LAYOUT", 't', binding);
@@ -8712,7 +8769,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || f[conemap__flag_safe] ||
                                          (f[conemap__flag_store] && f[conemap__flag_radius]));
     if ((d->fetch == NULL) != (d->fetch_maxima == NULL) || (d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
-        (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
+        texture.sectors > 1 || (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
         (f[conemap__flag_store] && f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE &&
          (f[conemap__flag_pair] || texture.format != CONEMAP_F32))) /* ES 3.1 has no such images */
         return CONEMAP_ERROR_UNSUPPORTED;

@@ -35,6 +35,14 @@ static struct {
     }
 #define FETCH_HEIGHTS(p)                                                                                          \
     float p##_fetch(int i, int j) { return INSIDE(i, j) ? bound.map->heights[TEXEL(i, j)] : 0.0f; }
+#define FETCH_SECTORS(p)                                                                                          \
+    FETCH_HEIGHTS(p)                                                                                              \
+    float p##_cones(int i, int j, int sector)                                                                     \
+    {                                                                                                             \
+        size_t plane = (size_t)bound.map->info.width * (size_t)bound.map->info.height * (size_t)sector;           \
+        CHECK(sector >= 0 && sector < bound.map->info.texture.sectors, "sector %d", sector);                      \
+        return INSIDE(i, j) ? bound.map->cones[plane + TEXEL(i, j)] : 0.0f;                                       \
+    }
 #define FETCH_MAXIMA(p)                                                                                           \
     float p##_maxima(int i, int j, int level)                                                                     \
     {                                                                                                             \
@@ -72,6 +80,8 @@ static struct {
 #include "golden/cellmax_c.h"
 #include "golden/maxmip_c.h"
 #include "golden/qdm_c.h"
+#include "golden/quadrant_c.h"
+#include "golden/octant_c.h"
 
 FETCH_CONES(exact)
 FETCH_CONES(back)
@@ -82,6 +92,8 @@ FETCH_CONES(step)
 FETCH_CONES(cellmax)
 FETCH_HEIGHTS(maxmip)
 FETCH_HEIGHTS(qdm)
+FETCH_SECTORS(quadrant)
+FETCH_SECTORS(octant)
 FETCH_MAXIMA(maxmip)
 FETCH_MAXIMA(qdm)
 
@@ -130,6 +142,8 @@ RUN(step)
 RUN(cellmax)
 RUN(maxmip)
 RUN(qdm)
+RUN(quadrant)
+RUN(octant)
 #undef EXTRA
 
 struct golden {
@@ -140,13 +154,13 @@ struct golden {
     int kernel; /* -1: a tracer */
 };
 
-static struct golden goldens[16];
+static struct golden goldens[32];
 static int golden_count;
 
 static conemap_shader_desc *golden_new(const char *file, const char *prefix, conemap_tracer tracer,
                                        struct shader_hit (*run)(const conemap_ray *ray))
 {
-    static char names[16][2][32];
+    static char names[32][3][32];
     struct golden *g = &goldens[golden_count];
     memset(g, 0, sizeof *g);
     g->file = file;
@@ -158,6 +172,8 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
         snprintf(names[golden_count][1], 32, "%s_maxima", prefix);
         g->desc.dialect = CONEMAP_C99;
         g->desc.prefix = prefix;
+        snprintf(names[golden_count][2], 32, "%s_cones", prefix);
+        g->desc.fetch_cones = names[golden_count][2];
         g->desc.fetch = names[golden_count][0];
         if (tracer == CONEMAP_TRACE_MAXMIP || tracer == CONEMAP_TRACE_QDM)
             g->desc.fetch_maxima = names[golden_count][1];
@@ -195,6 +211,14 @@ static void golden_table(void)
     d = golden_new("maxmip_c.h", "maxmip", CONEMAP_TRACE_MAXMIP, maxmip_run);
     d = golden_new("qdm_c.h", "qdm", CONEMAP_TRACE_QDM, qdm_run);
     d->map.wrap_v = CONEMAP_WRAP;
+    d = golden_new("quadrant_c.h", "quadrant", CONEMAP_TRACE_EXACT, quadrant_run);
+    d->map.texture.sectors = 4;
+    d->map.texture.per_cell = 1;
+    d->map.aspect = 0.5f;
+    d = golden_new("octant_c.h", "octant", CONEMAP_TRACE_EXACT, octant_run);
+    d->map.texture.sectors = 8;
+    d->map.texture.encoding = CONEMAP_RADIUS;
+    d->map.wrap_u = CONEMAP_WRAP;
     d = golden_new("exact.frag", NULL, CONEMAP_TRACE_EXACT, NULL);
     d->stage = CONEMAP_STAGE_FRAGMENT;
     d = golden_new("maxmip.hlsl", NULL, CONEMAP_TRACE_MAXMIP, NULL);
@@ -459,6 +483,9 @@ static void bad_kernels(void)
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, NULL) == CONEMAP_ERROR_NULL,
           "nothing to write to");
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_COUNT, NULL, 0, &size) == CONEMAP_ERROR_ENUM, "kernel");
+    d.map.texture.sectors = 4;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "sectors");
+    d.map.texture.sectors = 0;
     d.stage = CONEMAP_STAGE_COMPUTE;
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
           "compute in GLSL 330");
@@ -493,6 +520,8 @@ static void bad_input(void)
         {21, CONEMAP_ERROR_UNSUPPORTED}, {22, CONEMAP_ERROR_UNSUPPORTED}, {23, CONEMAP_ERROR_UNSUPPORTED},
         {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},
         {27, CONEMAP_ERROR_PARAMETER},   {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
+        {30, CONEMAP_ERROR_PARAMETER},   {31, CONEMAP_ERROR_PARAMETER},   {32, CONEMAP_ERROR_PARAMETER},
+        {33, CONEMAP_ERROR_UNSUPPORTED},
     };
     static const char long_name[] =
         "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
@@ -522,7 +551,11 @@ static void bad_input(void)
         case 15: d.stage = CONEMAP_STAGE_COMPUTE; break;
         case 16: d.filter = CONEMAP_FILTER_HARDWARE; break;
         case 17: d.filter = CONEMAP_FILTER_GATHER; break;
-        case 18: d.sectors = 4; break;
+        case 18: /* no fetch_cones */
+            d.dialect = CONEMAP_C99;
+            d.fetch = "given";
+            d.map.texture.sectors = 4;
+            break;
         case 19: d.flags = 1; break;
         case 20: d.dialect = CONEMAP_C99; break;
         case 21: d.set = 1; break;
@@ -533,7 +566,11 @@ static void bad_input(void)
         case 26: d.map_name = "gl_map"; break;
         case 27: d.prefix = "a__b"; break;
         case 28: d.map_name = ""; break;
-        default: d.trace.step_scale = INFINITY; break;
+        case 29: d.trace.step_scale = INFINITY; break;
+        case 30: d.map.texture.sectors = 2; break;
+        case 31: d.fetch_cones = "a b"; break;
+        case 32: d.octants_name = d.heights_name = "one"; break;
+        default: d.map.texture.sectors = 8, d.map.texture.layout = CONEMAP_DUMMER; break;
         }
         result = conemap_emit(&d, text, sizeof text, &size);
         CHECK(result == cases[k].result, "case %d: %s", cases[k].what, conemap_result_string(result));
@@ -660,7 +697,7 @@ static void texts(void)
         for (stage = 0; stage < CONEMAP_STAGE_COUNT; ++stage)
             for (tracer = 1; tracer < CONEMAP_TRACER_COUNT; ++tracer)
                 for (refinement = 0; refinement < CONEMAP_REFINEMENT_COUNT; ++refinement)
-                    for (option = 0; option < 12; ++option) {
+                    for (option = 0; option < 16; ++option) {
                         conemap_shader_desc d;
                         size_t size = 0;
                         char what[80], *text;
@@ -682,6 +719,12 @@ static void texts(void)
                         if (option == 11)
                             d.map.texture.encoding = CONEMAP_RADIUS, d.run_time_cap = 1,
                             d.trace.adaptive_steps = 1;
+                        if (option == 12) d.map.texture.sectors = 4;
+                        if (option == 13) d.map.texture.sectors = 8, d.array = 1;
+                        if (option == 14) d.map.texture.sectors = 8, d.filter = CONEMAP_FILTER_HARDWARE;
+                        if (option == 15)
+                            d.map.texture.sectors = 4, d.map.texture.per_cell = 1,
+                            d.filter = CONEMAP_FILTER_GATHER;
                         if (conemap_emit(&d, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED) continue;
                         text = emit(&d);
                         if (!text) return;

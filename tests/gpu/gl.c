@@ -279,7 +279,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
                  wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
     const char *prefix = d->prefix ? d->prefix : "conemap";
     conemap_format_numbers numbers;
-    GLuint names[3] = {0, 0, 0}, buffers[2];
+    GLuint names[6] = {0, 0, 0, 0, 0, 0}, buffers[2]; /* 3 and 4 are the rays' */
     char name[80];
     size_t size = conemap_texture_size(map, 0);
     void *pixels = malloc(size);
@@ -289,6 +289,11 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     conemap_write_texture(map, pixels, size, 0);
     names[0] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format,
                        numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    if (map->info.texture.sectors == 8) {
+        conemap_write_texture_at(map, 1, pixels, size, 0);
+        names[5] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format,
+                           numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    }
     names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter,
                        wrap_u, wrap_v, map->heights);
     free(pixels);
@@ -309,8 +314,9 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
     gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     gl.UseProgram(p);
-    for (k = 0; k < 3; ++k) {
-        static const char *const endings[3] = {"map", "heights", "maxima"};
+    for (k = 0; k < 6; ++k) {
+        static const char *const endings[6] = {"map", "heights", "maxima", "", "", "octants"};
+        if (!endings[k][0]) continue;
         gl.ActiveTexture(GL_TEXTURE0 + (GLenum)k);
         gl.BindTexture(target, names[k]);
         sprintf(name, "%s_%s", prefix, endings[k]);
@@ -332,8 +338,10 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         if ((at = gl.GetUniformLocation(p, "conemap_range")) >= 0) gl.Uniform2f(at, 0.1f, 0.7f);
     }
     if (d->stage == CONEMAP_STAGE_COMPUTE) {
-        const int wide = d->steps || d->status ? 2 : 1, first = 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
-                                                                     d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
+        const int wide = d->steps || d->status ? 2 : 1, sectors = d->map.texture.sectors;
+        const int first = sectors > 1 ? sectors / 4 + 1
+                                      : 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
+                                             d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
         float *both = (float *)malloc(RAYS * 8 * sizeof(float));
         const float *back;
         for (k = 0; k < RAYS; ++k) {
@@ -381,7 +389,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
                 answers[1][4 * k + 2] = steps;
             }
     }
-    gl.DeleteTextures(3, names);
+    gl.DeleteTextures(6, names);
     if (gl.GetError() != 0) fail("%s: a GL error", r->name);
 }
 
@@ -728,6 +736,35 @@ int main(void)
                 if (m == CONEMAP_FILTER_HARDWARE) r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
                 run(&r);
             }
+    for (k = 4; k <= 8; k += 4) { /* sectors: every tracer with cones, and with the exact one the rest */
+        for (m = 0; m < 4; ++m)
+            for (n = 0; n < 3; ++n) {
+                static const conemap_tracer with_cones[] = {CONEMAP_TRACE_EXACT, CONEMAP_TRACE_LOOP,
+                                                            CONEMAP_TRACE_EXACT_STEP, CONEMAP_TRACE_CELL_MAX};
+                if (m == 0 && n == CONEMAP_FILTER_HARDWARE) continue;
+                r = fresh("%d sectors, %s, %s", k, tracers[with_cones[m]], filters[n]);
+                r.desc.map.texture.sectors = k;
+                r.desc.trace.tracer = with_cones[m];
+                r.desc.filter = (conemap_filter)n;
+                r.desc.map.wrap_u = n == 0 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+                run(&r);
+            }
+        for (m = 0; m < 8; ++m) {
+            static const char *const names[] = {"per cell", "per cell, gather", "unorm8, sqrt", "unorm16, radius",
+                                                "array",    "atlas",            "compute",      "fragment, ES"};
+            r = fresh("%d sectors, %s", k, names[m]);
+            r.desc.map.texture.sectors = k;
+            r.desc.map.texture.per_cell = m < 2;
+            if (m == 1) r.desc.filter = CONEMAP_FILTER_GATHER;
+            if (m == 2) r.desc.map.texture.format = CONEMAP_UNORM8, r.desc.map.texture.encoding = CONEMAP_SQRT;
+            if (m == 3) r.desc.map.texture.format = CONEMAP_UNORM16, r.desc.map.texture.encoding = CONEMAP_RADIUS;
+            if (m == 4) r.desc.array = 1;
+            if (m == 5) r.desc.atlas = 1, r.desc.map.texture.layout = CONEMAP_CONE_ONLY;
+            if (m == 6) r.desc.stage = CONEMAP_STAGE_COMPUTE;
+            if (m == 7) r.desc.stage = CONEMAP_STAGE_FRAGMENT, r.desc.dialect = CONEMAP_ESSL_300;
+            run(&r);
+        }
+    }
     for (k = 0; k < 5; ++k)
         for (m = 0; m < 3; ++m) {
             static const char *const stages[] = {"functions", "fragment", "compute"};
