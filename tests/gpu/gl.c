@@ -556,27 +556,38 @@ static GLuint storage(int width, int height, GLenum internal, GLenum format, con
     return name;
 }
 
-/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's. */
-static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, int safe, conemap_wrap wrap)
+enum { MAKE_RING, MAKE_MIN3X3, MAKE_SAFE, MAKE_EXACT, MAKE_NAIVE, MAKE_QUICK, MAKE_NAIVE_CENTER, MAKE_QUICK_CENTER,
+       MAKE_SLOPES, MAKE_COUNT };
+static const char *const make_names[MAKE_COUNT] = {"ring", "3x3", "safe", "exact", "naive", "quick", "naive centre",
+                                                   "quick centre", "exact with slopes"};
+
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
+static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
 {
     static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
-    static float heights[40 * 28], zero[40 * 28];
-    static float back[40 * 28 * 4];
+    static const conemap_generator generators[MAKE_COUNT] = {
+        CONEMAP_RING,  CONEMAP_RING,  CONEMAP_RING,  CONEMAP_EXACT, CONEMAP_QUICK_NAIVE, CONEMAP_QUICK,
+        CONEMAP_QUICK_NAIVE_CENTER, CONEMAP_QUICK_CENTER, CONEMAP_EXACT};
+    static float heights[40 * 28], zero[64 * 64];
+    static float back[64 * 64 * 4], right[64 * 64], slopes[40 * 28 * 4];
     const int w = 40, h = 28, es = dialect >= CONEMAP_ESSL_300, compute = stage == CONEMAP_STAGE_COMPUTE;
-    char text[8000], vertex[400];
-    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source;
-    int kind, k, pass, compared = 0, wide = 0, narrow = 0, dispatches = 0;
+    const int safe = what == MAKE_SAFE, four = what == MAKE_SLOPES;
+    char text[9000], vertex[400];
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source, maxima;
+    int kind, k, pass, cells, compared = 0, wide = 0, narrow = 0, dispatches = 0, blocks = 0;
     conemap_shader_desc desc;
     memset(&desc, 0, sizeof desc);
     desc.dialect = dialect;
     desc.stage = stage;
     desc.map.wrap_u = wrap;
     desc.map.aspect = 0.6f;
-    desc.map.min3x3 = min3x3;
+    desc.map.min3x3 = what == MAKE_MIN3X3;
     desc.map.guarantee = safe ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+    desc.map.generator = generators[what];
     desc.map.width = w;
     desc.map.height = h;
-    if (es) desc.map.texture.layout = CONEMAP_CONE_ONLY;
+    desc.map.texture.layout = four ? CONEMAP_DUMMER : es ? CONEMAP_CONE_ONLY : CONEMAP_HEIGHT_CONE;
+    desc.map.texture.flip_dv = four && wrap == CONEMAP_WRAP;
     context(es);
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
@@ -592,8 +603,8 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, 
     }
     gl.GenFramebuffers(1, &frame);
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
-    gl.Viewport(0, 0, w, h);
     for (kind = 0; kind < ZOO_KINDS; ++kind) {
+        const GLenum out_format = four ? GL_RGBA32F : es ? GL_R32F : GL_RG32F;
         conemap_desc build_desc;
         conemap_map map;
         conemap_gpu_pass passes[64];
@@ -605,78 +616,120 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, 
         build_desc.heights.height = h;
         build_desc.wrap_u = wrap;
         build_desc.aspect = 0.6f;
-        build_desc.min3x3 = min3x3;
-        build_desc.generator = CONEMAP_RING;
-        if (conemap_build(&build_desc, &map) != CONEMAP_OK ||
-            conemap_gpu_passes(&desc, 900, passes, 64, &count) != CONEMAP_OK) {
-            fail("kernels: no map or no passes");
+        build_desc.min3x3 = desc.map.min3x3;
+        build_desc.generator = generators[what];
+        build_desc.texture = desc.map.texture;
+        build_desc.keep_pyramid = 1;
+        if (build_desc.generator == CONEMAP_EXACT) build_desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+        if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
+            fail("kernels: no map");
             return;
         }
         source = storage(w, h, GL_R32F, GL_RED, heights);
         for (k = 0; k < 2; ++k) states[k] = storage(w, h, GL_R32F, GL_RED, zero);
-        out = es ? storage(w, h, GL_R32F, GL_RED, NULL) : storage(w, h, GL_RG32F, GL_RG, NULL);
-        for (pass = 0; pass < count; ++pass) {
-            const GLuint p = programs[passes[pass].kernel],
-                         target = passes[pass].writes == 2 ? out : states[passes[pass].writes];
-            gl.UseProgram(p);
-            gl.ActiveTexture(GL_TEXTURE0);
-            gl.BindTexture(GL_TEXTURE_2D, states[passes[pass].reads]);
-            gl.ActiveTexture(GL_TEXTURE1);
-            gl.BindTexture(GL_TEXTURE_2D, source);
-            uniform_i(p, "conemap_state", 0);
-            uniform_i(p, "conemap_heights", 1);
-            uniform_i(p, "conemap_first", passes[pass].first);
-            uniform_i(p, "conemap_last", passes[pass].last);
-            if (compute) {
-                const int unit = passes[pass].kernel == CONEMAP_KERNEL_MIN3X3 ||
-                                         (es && passes[pass].kernel == CONEMAP_KERNEL_STORE)
-                                     ? 1
-                                     : 2;
-                gl.BindImageTexture((GLuint)unit, target, 0, GL_FALSE, 0, GL_WRITE_ONLY,
-                                    passes[pass].writes == 2 && !es ? GL_RG32F : GL_R32F);
-                gl.DispatchCompute((GLuint)passes[pass].groups_x, (GLuint)passes[pass].groups_y, 1);
-                gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
-            } else {
-                gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, 0);
-                gl.DrawArrays(GL_TRIANGLES, 0, 3);
+        out = storage(w, h, out_format, GL_RED, NULL);
+        gl.GenTextures(1, &maxima);
+        gl.BindTexture(GL_TEXTURE_2D, maxima);
+        gl.TexStorage2D(GL_TEXTURE_2D, 7, GL_R32F, 64, 64);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+        for (cells = 0; cells < (what == MAKE_EXACT ? 2 : 1); ++cells) {
+            desc.trace.tracer = cells ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_DEFAULT;
+            if (conemap_gpu_passes(&desc, what == MAKE_SLOPES ? 1 << 20 : 900, passes, 64, &count) != CONEMAP_OK) {
+                fail("kernels: no passes");
+                return;
             }
-            ++dispatches;
+            for (pass = 0; pass < count; ++pass) {
+                const conemap_gpu_pass *now = &passes[pass];
+                const GLuint p = programs[now->kernel],
+                             target = now->writes == 2 ? out : now->writes == 3 ? maxima : states[now->writes];
+                const int level = now->writes == 3 ? now->level : 0;
+                int unit = 0;
+                gl.UseProgram(p);
+                gl.ActiveTexture(GL_TEXTURE0);
+                gl.BindTexture(GL_TEXTURE_2D, states[now->reads]);
+                gl.ActiveTexture(GL_TEXTURE1);
+                gl.BindTexture(GL_TEXTURE_2D, source);
+                gl.ActiveTexture(GL_TEXTURE2);
+                gl.BindTexture(GL_TEXTURE_2D, maxima);
+                gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL,
+                                 now->kernel == CONEMAP_KERNEL_MAXIMA && !compute ? level - 1 : 6);
+                uniform_i(p, "conemap_state", 0);
+                uniform_i(p, "conemap_heights", 1);
+                uniform_i(p, "conemap_maxima", 2);
+                uniform_i(p, "conemap_first", now->first);
+                uniform_i(p, "conemap_last", now->last);
+                uniform_i(p, "conemap_level", now->level);
+                if (compute) { /* images come behind the textures that are there */
+                    unit += gl.GetUniformLocation(p, "conemap_state") >= 0;
+                    unit += gl.GetUniformLocation(p, "conemap_heights") >= 0;
+                    unit += gl.GetUniformLocation(p, "conemap_maxima") >= 0;
+                    gl.BindImageTexture((GLuint)unit, target, level, GL_FALSE, 0, GL_WRITE_ONLY,
+                                        now->writes == 2 ? out_format : GL_R32F);
+                    gl.DispatchCompute((GLuint)now->groups_x, (GLuint)now->groups_y, 1);
+                    gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
+                } else {
+                    gl.Viewport(0, 0, now->width, now->height);
+                    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, level);
+                    gl.DrawArrays(GL_TRIANGLES, 0, 3);
+                }
+                ++dispatches;
+            }
+            if (cells) {
+                for (k = 0; k < 7; ++k) {
+                    const int side = 64 >> k;
+                    int at;
+                    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 6);
+                    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, maxima, k);
+                    gl.ReadPixels(0, 0, side, side, GL_RGBA, GL_FLOAT, back);
+                    conemap_write_maxima(&map, k, right, sizeof right);
+                    for (at = 0; at < side * side; ++at, ++blocks)
+                        if (back[4 * at] != right[at]) fail("kernels: maxima differ at level %d", k);
+                }
+                continue;
+            }
+            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
+            gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+            gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
+            if (four) conemap_write_texture(&map, slopes, sizeof slopes, 0);
+            for (k = 0; k < w * h; ++k) {
+                const float cone = back[4 * k + (es && !four ? 0 : 1)];
+                ++compared;
+                wide += cone > map.cones[k];
+                narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
+                zero[k] = cone;
+                if ((four || !es) && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
+                if (four && (fabsf(back[4 * k + 2] - slopes[4 * k + 2]) > 1e-7f ||
+                             fabsf(back[4 * k + 3] - slopes[4 * k + 3]) > 1e-7f))
+                    fail("kernels: slopes differ");
+            }
+            if (safe) {
+                conemap_report report;
+                if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
+                    report.unproven)
+                    fail("kernels: cones are not safe");
+            }
+            memset(zero, 0, sizeof zero);
         }
-        gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
-        gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
-        gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
-        for (k = 0; k < w * h; ++k) {
-            const float cone = back[4 * k + (es ? 0 : 1)];
-            ++compared;
-            wide += cone > map.cones[k];
-            narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
-            zero[k] = cone;
-            if (!es && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
-        }
-        if (safe) {
-            conemap_report report;
-            if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
-                report.unproven)
-                fail("kernels: cones are not safe");
-        }
-        memset(zero, 0, sizeof zero);
         gl.DeleteTextures(2, states);
         gl.DeleteTextures(1, &source);
         gl.DeleteTextures(1, &out);
+        gl.DeleteTextures(1, &maxima);
         conemap_free(&map);
     }
     if (gl.GetError() != 0) fail("kernels: a GL error");
-    printf("kernels, dialect %d, %s, wrap %d%s: %d cones in %d passes, %d wider than the CPU's, %d narrower by "
+    printf("kernels, dialect %d, %s, wrap %d, %s: %d cones%s in %d passes, %d wider than the CPU's, %d narrower by "
            "more than 1e-5\n",
-           (int)dialect, compute ? "compute" : "fragment", (int)wrap,
-           min3x3 ? ", 3x3"
-           : safe ? ", safe"
-                  : "",
-           compared, dispatches, wide, narrow);
+           (int)dialect, compute ? "compute" : "fragment", (int)wrap, make_names[what], compared,
+           blocks ? " and all maxima" : "", dispatches, wide, narrow);
+    fflush(stdout);
     if (wide || narrow) fail("kernels: cones differ");
 }
 
-int main(void)
+static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
+                                      CONEMAP_ESSL_310};
+
+static void trace_maps(void)
 {
     static const char *const tracers[] = {"",           "exact",    "linear", "fixed", "loop",
                                           "exact-step", "cell-max", "maxmip", "qdm"};
@@ -684,15 +737,8 @@ int main(void)
     static const char *const filters[] = {"fetch", "gather", "hardware"};
     static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8"};
     static const char *const encodings[] = {"linear", "sqrt", "radius"};
-    static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
-                                          CONEMAP_ESSL_310};
     struct run r;
     int k, m, n;
-    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
-    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
-        printf("no EGL display\n");
-        return 77;
-    }
     for (k = 1; k < 9; ++k)
         for (m = 0; m < 3; ++m)
             for (n = 0; n < 3; ++n) { /* tracer x refinement x filter */
@@ -829,11 +875,23 @@ int main(void)
         r.count_only = 1;
         if (k != CONEMAP_TRACE_LINEAR) run(&r);
     }
-    for (k = 0; k < 5; ++k)
+}
+
+/* An argument picks a part: "trace" or "make". */
+int main(int argument_count, char **arguments)
+{
+    int k, m, n;
+    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
+    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
+        printf("no EGL display\n");
+        return 77;
+    }
+    if (argument_count < 2 || strcmp(arguments[1], "make") != 0) trace_maps();
+    for (k = 0; k < 5 && (argument_count < 2 || strcmp(arguments[1], "trace") != 0); ++k)
         for (m = 1; m < 3; ++m)
-            for (n = 0; n < 3; ++n)
+            for (n = 0; n < MAKE_COUNT; ++n)
                 if (m == CONEMAP_STAGE_FRAGMENT || (all[k] != CONEMAP_GLSL_330 && all[k] != CONEMAP_ESSL_300))
-                    make_maps(all[k], (conemap_stage)m, n == 1, n == 2, n ? CONEMAP_WRAP : CONEMAP_CLAMP);
+                    make_maps(all[k], (conemap_stage)m, n, (n + k) % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP);
     printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single "
            "precision\n",
            runs_done, total.rays, total.different, total.strict_misses, total.misses);

@@ -264,24 +264,29 @@ static void variant(conemap_dialect dialect, const int *choice)
     }
 }
 
-/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size. */
+/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size, and the quick one's four ways. */
 static void kernels(conemap_dialect dialect)
 {
     int k;
-    for (k = 0; dialect != CONEMAP_C99 && k < 4 * 2 * 2 * 4 * 3 * 2 * 4 * 2; ++k) {
+    for (k = 0; dialect != CONEMAP_C99 && k < 12 * 2 * 2 * 4 * 3 * 3 * 4 * 2; ++k) {
         conemap_shader_desc desc;
-        const int named = k % 2, kernel = k / 2 % 4, compute = k / 8 % 2;
+        const int kind = k % 12, kernel = kind < CONEMAP_KERNEL_COUNT ? kind : CONEMAP_KERNEL_QUICK;
+        const int named = k / 12 % 2, compute = k / 24 % 2;
         char path[600];
         FILE *file;
         memset(&desc, 0, sizeof desc);
         desc.dialect = dialect;
         desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
-        desc.map.texture.format = (conemap_format)(k / 16 % 4);
-        desc.map.texture.encoding = (conemap_encoding)(k / 64 % 3);
-        desc.map.texture.layout = (conemap_layout)(k / 192 % 2);
-        desc.map.wrap_u = k / 384 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
-        desc.map.wrap_v = k / 768 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
-        desc.fixed_size = k / 1536 % 2;
+        desc.map.generator = kind < CONEMAP_KERNEL_COUNT ? CONEMAP_QUICK
+                             : kind == 9                 ? CONEMAP_QUICK_NAIVE
+                             : kind == 10                ? CONEMAP_QUICK_CENTER
+                                                         : CONEMAP_QUICK_NAIVE_CENTER;
+        desc.map.texture.format = (conemap_format)(k / 48 % 4);
+        desc.map.texture.encoding = (conemap_encoding)(k / 192 % 3);
+        desc.map.texture.layout = (conemap_layout)(k / 576 % 3);
+        desc.map.wrap_u = k / 1728 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = k / 3456 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = k / 6912;
         desc.map.width = desc.map.height = 64;
         if (named) {
             desc.prefix = "relief";
