@@ -166,6 +166,32 @@ static GLuint program(GLuint first, GLuint second)
     return name;
 }
 
+/* HLSL cannot be run here, but what a compiler of it makes can: in a first run the texts are written into a folder, then
+   compiled to SPIR-V and translated to GLSL by others (shaders.sh), and a second run takes these in the same order. */
+static const char *hlsl_folder;
+static int hlsl_writes, hlsl_count;
+
+static int is_hlsl(conemap_dialect dialect) { return dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60; }
+static int is_es(conemap_dialect dialect) { return dialect == CONEMAP_ESSL_300 || dialect == CONEMAP_ESSL_310; }
+
+static GLuint hlsl_program(const char *text)
+{
+    static char glsl[200000];
+    char path[600];
+    FILE *file;
+    size_t size;
+    sprintf(path, "%.500s/%03d_compute.%s", hlsl_folder, hlsl_count++, hlsl_writes ? "hlsl" : "comp");
+    file = fopen(path, hlsl_writes ? "wb" : "rb");
+    size = !file ? 0 : hlsl_writes ? fwrite(text, 1, strlen(text), file) : fread(glsl, 1, sizeof glsl - 1, file);
+    glsl[size] = 0;
+    if (file) fclose(file);
+    if (size == 0) {
+        fail("%s: cannot be opened", path);
+        exit(1);
+    }
+    return hlsl_writes ? 0 : program(shader(GL_COMPUTE_SHADER, glsl), 0);
+}
+
 /* A fetch of the host's that filters as most GPUs do: weights rounded to 8 bits. */
 static const char eight_bits[] =
     "uniform highp sampler2D conemap_map;\n"
@@ -196,6 +222,14 @@ static int runs_done;
 static void uniform_i(GLuint p, const char *name, int value)
 {
     GLint at = gl.GetUniformLocation(p, name);
+    if (at < 0 && hlsl_folder) { /* textures by themselves, and with a sampler */
+        char combined[160];
+        sprintf(combined, "SPIRV_Cross_Combined%.60sSPIRV_Cross_DummySampler", name);
+        at = gl.GetUniformLocation(p, combined);
+        if (at >= 0) gl.Uniform1i(at, value);
+        sprintf(combined, "SPIRV_Cross_Combined%.60sconemap_sampler", name);
+        at = gl.GetUniformLocation(p, combined);
+    }
     if (at >= 0) gl.Uniform1i(at, value);
 }
 
@@ -209,6 +243,7 @@ static GLuint build(const struct run *r)
         fail("%s: %s", r->name, conemap_result_string(result));
         exit(1);
     }
+    if (is_hlsl(d->dialect)) return hlsl_program(text);
     if (d->stage == CONEMAP_STAGE_COMPUTE) return program(shader(GL_COMPUTE_SHADER, text), 0);
     if (d->stage == CONEMAP_STAGE_FRAGMENT) {
         const char *place =
@@ -355,7 +390,9 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         gl.BufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, NULL,
                       GL_STATIC_DRAW);
         gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first, buffers[0]);
-        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 1, buffers[1]);
+        if (is_hlsl(d->dialect)) /* where glslang puts it */
+            gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 8, buffers[0]);
+        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, is_hlsl(d->dialect) ? 8 : (GLuint)first + 1, buffers[1]);
         gl.DispatchCompute(RAYS / 64, 1, 1);
         gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
         back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0,
@@ -412,7 +449,7 @@ static void run(const struct run *r)
     static float heights[64 * 64];
     static GLuint targets[2], ray_textures[2], frame;
     static int es_of_targets = -1;
-    const int es = r->desc.dialect >= CONEMAP_ESSL_300;
+    const int es = is_es(r->desc.dialect);
     struct zoo_random random = zoo_seed(99);
     struct compare_counts counts;
     conemap_shader_desc desc = r->desc;
@@ -464,6 +501,10 @@ static void run(const struct run *r)
             here.desc.map = map.info;
             here.desc.fixed_size = fixed;
             p = build(&here);
+            if (is_hlsl(desc.dialect) && hlsl_writes) {
+                conemap_free(&map);
+                return;
+            }
         }
         truth.width = map.info.width;
         truth.height = map.info.height;
@@ -570,10 +611,10 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         CONEMAP_QUICK_NAIVE_CENTER, CONEMAP_QUICK_CENTER, CONEMAP_EXACT};
     static float heights[40 * 28], zero[64 * 64];
     static float back[64 * 64 * 4], right[64 * 64], slopes[40 * 28 * 4];
-    const int w = 40, h = 28, es = dialect >= CONEMAP_ESSL_300, compute = stage == CONEMAP_STAGE_COMPUTE;
+    const int w = 40, h = 28, es = is_es(dialect), hlsl = is_hlsl(dialect), compute = stage == CONEMAP_STAGE_COMPUTE;
     const int safe = what == MAKE_SAFE, four = what == MAKE_SLOPES;
     char text[9000], vertex[400];
-    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source, maxima;
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source, maxima, arguments;
     int kind, k, pass, cells, compared = 0, wide = 0, narrow = 0, dispatches = 0, blocks = 0;
     conemap_shader_desc desc;
     memset(&desc, 0, sizeof desc);
@@ -592,15 +633,18 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
             "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
-            versions[dialect]);
+            hlsl ? "" : versions[dialect]);
     for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
         if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
             fail("kernel %d in dialect %d", k, (int)dialect);
             return;
         }
-        programs[k] = compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
-                              : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
+        programs[k] = hlsl      ? hlsl_program(text)
+                      : compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
+                                : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
     }
+    if (hlsl && hlsl_writes) return;
+    gl.GenBuffers(1, &arguments);
     gl.GenFramebuffers(1, &frame);
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
     for (kind = 0; kind < ZOO_KINDS; ++kind) {
@@ -660,11 +704,20 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                 uniform_i(p, "conemap_first", now->first);
                 uniform_i(p, "conemap_last", now->last);
                 uniform_i(p, "conemap_level", now->level);
+                if (hlsl) {
+                    GLint values[4] = {0, 0, 0, 0};
+                    values[0] = now->kernel == CONEMAP_KERNEL_MAXIMA ? now->level : now->first;
+                    values[1] = now->last;
+                    values[2] = now->level;
+                    gl.BindBuffer(GL_UNIFORM_BUFFER, arguments);
+                    gl.BufferData(GL_UNIFORM_BUFFER, sizeof values, values, GL_STATIC_DRAW);
+                    gl.BindBufferBase(GL_UNIFORM_BUFFER, 24, arguments);
+                }
                 if (compute) { /* images come behind the textures that are there */
                     unit += gl.GetUniformLocation(p, "conemap_state") >= 0;
                     unit += gl.GetUniformLocation(p, "conemap_heights") >= 0;
                     unit += gl.GetUniformLocation(p, "conemap_maxima") >= 0;
-                    gl.BindImageTexture((GLuint)unit, target, level, GL_FALSE, 0, GL_WRITE_ONLY,
+                    gl.BindImageTexture(hlsl ? 8 : (GLuint)unit, target, level, GL_FALSE, 0, GL_WRITE_ONLY,
                                         now->writes == 2 ? out_format : GL_R32F);
                     gl.DispatchCompute((GLuint)now->groups_x, (GLuint)now->groups_y, 1);
                     gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
@@ -718,6 +771,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         conemap_free(&map);
     }
     if (gl.GetError() != 0) fail("kernels: a GL error");
+    gl.DeleteBuffers(1, &arguments);
     printf("kernels, dialect %d, %s, wrap %d, %s: %d cones%s in %d passes, %d wider than the CPU's, %d narrower by "
            "more than 1e-5\n",
            (int)dialect, compute ? "compute" : "fragment", (int)wrap, make_names[what], compared,
@@ -877,7 +931,39 @@ static void trace_maps(void)
     }
 }
 
-/* An argument picks a part: "trace" or "make". */
+/* Every tracer and kernel in HLSL, compute shaders all of them, with each way of reading textures. */
+static void run_hlsl(void)
+{
+    struct run r;
+    int k;
+    for (k = 0; k < 16; ++k) {
+        static const char *const names[16] = {"exact",        "linear",    "fixed",   "loop",     "exact-step",
+                                              "cell-max",     "maxmip",    "qdm",     "gather",   "hardware",
+                                              "4 sectors",    "8 sectors", "wraps",   "per cell", "unorm16, cones only",
+                                              "t range, sqrt"};
+        r = fresh("HLSL: %s", names[k]);
+        r.desc.dialect = CONEMAP_HLSL_60;
+        r.desc.stage = CONEMAP_STAGE_COMPUTE;
+        if (k < 8) r.desc.trace.tracer = (conemap_tracer)(k + 1);
+        if (k == 1) r.desc.trace.max_steps = 197;
+        if (k == 3 || k == 5) r.desc.trace.refinement = k == 3 ? CONEMAP_REFINE_BISECT : CONEMAP_REFINE_SECANT;
+        if (k == 8) r.desc.filter = CONEMAP_FILTER_GATHER;
+        if (k == 9) r.desc.filter = CONEMAP_FILTER_HARDWARE, r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
+        if (k == 10 || k == 11) r.desc.map.texture.sectors = k == 10 ? 4 : 8;
+        if (k == 12) r.desc.map.wrap_u = CONEMAP_WRAP, r.desc.map.wrap_v = CONEMAP_NOTHING;
+        if (k == 13) r.desc.map.texture.per_cell = 1, r.desc.filter = CONEMAP_FILTER_GATHER;
+        if (k == 14) r.desc.map.texture.format = CONEMAP_UNORM16, r.desc.map.texture.layout = CONEMAP_CONE_ONLY;
+        if (k == 15) r.desc.t_range = 1, r.desc.map.texture.encoding = CONEMAP_SQRT;
+        run(&r);
+    }
+    for (k = 0; k < MAKE_COUNT; ++k)
+        make_maps(CONEMAP_HLSL_60, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP);
+    if (!hlsl_writes)
+        printf("HLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
+               hlsl_count, total.rays, total.different, total.misses);
+}
+
+/* Arguments pick a part: "trace", "make", or "hlsl-write" or "hlsl-run" with a folder. */
 int main(int argument_count, char **arguments)
 {
     int k, m, n;
@@ -885,6 +971,12 @@ int main(int argument_count, char **arguments)
     if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
         printf("no EGL display\n");
         return 77;
+    }
+    if (argument_count > 2) {
+        hlsl_folder = arguments[2];
+        hlsl_writes = strcmp(arguments[1], "hlsl-write") == 0;
+        run_hlsl();
+        return failures != 0;
     }
     if (argument_count < 2 || strcmp(arguments[1], "make") != 0) trace_maps();
     for (k = 0; k < 5 && (argument_count < 2 || strcmp(arguments[1], "trace") != 0); ++k)
