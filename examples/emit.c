@@ -1,4 +1,5 @@
-/* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl   (--help lists the options) */
+/* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl   (--help lists the options)
+   With --kernel one of those that make cone maps on the GPU. */
 #define CONEMAP_IMPLEMENTATION
 #include "../conemap.h"
 #include <stdio.h>
@@ -17,6 +18,10 @@ static const char *const wraps[] = {"clamp", "wrap", "nothing", NULL};
 static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
 static const char *const guarantees[] = {"default",          "none", "vertex", "bilinear", "relaxed",
                                          "relaxed-bilinear", NULL};
+static const char *const kernels[] = {"none",  "ring",   "min3x3", "safe",  "store", "cells",
+                                      "texels", "maxima", "quick",  "exact", NULL};
+static const char *const generators[] = {"default", "exact", "ring", "quick-naive", "quick", "quick-naive-center",
+                                         "quick-center", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
 
 struct option {
@@ -39,11 +44,17 @@ static void help(const struct option *options) {
     }
 }
 
+/* Words of kernels count from 1. */
+static conemap_result emit(const conemap_shader_desc *desc, int kernel, char *text, size_t capacity, size_t *size) {
+    if (kernel == 0) return conemap_emit(desc, text, capacity, size);
+    return conemap_emit_kernel(desc, (conemap_kernel)(kernel - 1), text, capacity, size);
+}
+
 int main(int argument_count, char **arguments) {
     conemap_shader_desc desc = {0};
     int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
         wrap_v = 0;
-    int filter = 0, guarantee = 0, precision = 0, k, m;
+    int filter = 0, guarantee = 0, precision = 0, kernel = 0, generator = 0, k, m;
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
         {"--stage", stages, &stage, NULL, NULL, ""},
@@ -61,6 +72,8 @@ int main(int argument_count, char **arguments) {
         {"--per-cell", NULL, &desc.map.texture.per_cell, NULL, NULL, "1: a cone for each cell"},
         {"--sectors", NULL, &desc.map.texture.sectors, NULL, NULL, "4 or 8: cones by direction"},
         {"--guarantee", guarantees, &guarantee, NULL, NULL, ""},
+        {"--kernel", kernels, &kernel, NULL, NULL, ": of the GPU's generation, instead of a tracer"},
+        {"--generator", generators, &generator, NULL, NULL, ": which of the quick ones a kernel is for"},
         {"--wrap-u", wraps, &wrap_u, NULL, NULL, ""},
         {"--wrap-v", wraps, &wrap_v, NULL, NULL, ""},
         {"--aspect", NULL, NULL, &desc.map.aspect, NULL, "as in the map's desc"},
@@ -135,9 +148,10 @@ int main(int argument_count, char **arguments) {
     desc.map.guarantee = (conemap_guarantee)guarantee;
     desc.filter = (conemap_filter)filter;
     desc.precision = (conemap_precision)precision;
-    result = conemap_emit(&desc, NULL, 0, &size);
+    desc.map.generator = (conemap_generator)generator;
+    result = emit(&desc, kernel, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
-    if (result == CONEMAP_OK) result = text ? conemap_emit(&desc, text, size, NULL) : CONEMAP_ERROR_MEMORY;
+    if (result == CONEMAP_OK) result = text ? emit(&desc, kernel, text, size, NULL) : CONEMAP_ERROR_MEMORY;
     if (result != CONEMAP_OK) {
         fprintf(stderr, "emit: %s\n", conemap_result_string(result));
         return 1;

@@ -33,6 +33,9 @@ works build/hello
 works build/emit --help
 works build/emit --dialect hlsl50 --tracer exact --stage compute
 grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
+works build/emit --kernel quick --generator quick-center --dialect glsl430 --stage compute
+grep -q conemap_quick "$dir/stdout" || say "emit prints no kernel"
+refuses build/emit --kernel relaxed
 refuses build/emit --dialect cobol
 refuses build/emit --tracer
 refuses build/emit --stage compute

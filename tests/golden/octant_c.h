@@ -88,21 +88,20 @@ static float octant_cone(int i, int j, int sector, octant_ivec2 size) {
     return octant_cones(octant_repeat(i, size.x), octant_clampi(j, 0, size.y - 1), sector);
 }
 
-// The tangent that a stored radius stands for, over a height.
-static float octant_tangent(float stored, float height) {
-    float top = 1.0f - height;
-    return stored < 1.0f * top ? stored / top : top > 0.0f ? 1.0f : 0.0f;
-}
-
 // First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
 // ray the clearance is c + b t + a t t, solved in the form that does not cancel.
 static float octant_patch_hit(octant_vec4 h, float x, float y, float c, octant_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrtf(fmaxf(d, 0.0f)));
-    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;
-    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;
-    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;
+    float d = b * b - 4.0f * a * c, root = sqrtf(fmaxf(d, 0.0f));
+    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;
+    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;
+}
+
+// The tangent that a stored radius stands for, over a height.
+static float octant_tangent(float stored, float height) {
+    float top = 1.0f - height;
+    return stored < 1.0f * top ? stored / top : top > 0.0f ? 1.0f : 0.0f;
 }
 
 // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
@@ -134,9 +133,9 @@ static octant_hit octant_trace(octant_vec3 origin, octant_vec3 direction, octant
                           octant_cone(i + si, j + sj, sector, size));
         float cone = octant_mix(cones, x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
-        float gap = z - height, closing = speed - octant_tangent(cone, height) * v.z;
-        hit = octant_patch_hit(heights, x, y, gap, v, fminf(leave, left));
-        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        hit = octant_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
+        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        float closing = speed - octant_tangent(cone, height) * v.z;
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? octant_tangent(cone, height) * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }
