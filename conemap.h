@@ -773,6 +773,9 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
        conemap_emit(&shader, NULL, 0, &size);       // the bytes that are needed
        conemap_emit(&shader, text, size, NULL);     // the text, closed by a zero
 
+   A map with sectors has a texture of cones for each four of them (see conemap_texture_count) and one of heights; the
+   shader finds the ray's sector once and reads one channel.
+
    The emitted function takes a ray of the unit box (see CONVENTIONS) and answers with the hit:
 
        conemap_hit hit = conemap_trace(origin, direction);  // hit.found, hit.t, hit.position (u, v, z)
@@ -821,8 +824,8 @@ typedef enum conemap_stage {
 
 typedef enum conemap_filter { /* how the surface between texels is read */
     CONEMAP_FILTER_FETCH = 0,    /* four texel fetches, interpolated in the shader */
-    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits. Not GLSL 330 and ES 300; the sampler wraps
-                                    as the map does (edge for CLAMP and NOTHING) */
+    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits; cones of sectors are fetched all the same. Not
+                                    GLSL 330 and ES 300; the sampler wraps as the map does (edge for CLAMP and NOTHING) */
     CONEMAP_FILTER_HARDWARE,     /* the texture unit's own filter: fast, 8-bit weights. Not for EXACT, MAXMIP, QDM */
     CONEMAP_FILTER_COUNT
 } conemap_filter;
@@ -843,8 +846,6 @@ typedef struct conemap_shader_desc {
                                   bilinear guarantee, aspect 1, max_tan 1. generator, slack and hash don't matter */
     int fixed_size;            /* nonzero: map.width and map.height are written as constants */
     conemap_filter filter;
-    int sectors;               /* cones per texel by direction; 0 and 1: one. 4 and 8 are reserved: sector s of N is
-                                  chosen by the signs of the direction, counted 0..N - 1 */
 
     int steps, status;         /* nonzero: hit.steps, hit.status (the numbers of conemap_status) for debugging */
     int t_range;               /* nonzero: the ray is followed from t_min to t_max, else from 0 without end */
@@ -858,14 +859,18 @@ typedef struct conemap_shader_desc {
     int set, binding, sampler_binding; /* the first texture's; further ones follow. Binding: GLSL 430 and up, ES 310,
                                   HLSL (registers t and s). Set: Vulkan; HLSL 6.0 (space) */
     const char *prefix;        /* of every emitted name; null: "conemap" */
-    const char *map_name;      /* textures and sampler; null: prefix_map, prefix_heights, prefix_maxima, prefix_sampler */
-    const char *heights_name;  /* CONE_ONLY: the host's heights, in the first channel */
+    const char *map_name;      /* textures and sampler; null: prefix_map, prefix_octants, prefix_heights, prefix_maxima,
+                                  prefix_sampler */
+    const char *octants_name;  /* 8 sectors: the map's second texture */
+    const char *heights_name;  /* CONE_ONLY and sectors: the heights, in the first channel; the host's or the map's */
     const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
     const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
     const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
                                   map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height and
-                                  stored cone; without cones (LINEAR, MAXMIP, QDM) `float NAME(...)`. Plus slice with
-                                  array. Not with GATHER; with HARDWARE not per_cell */
+                                  stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float NAME(...)`.
+                                  Plus slice with array. Not with GATHER; with HARDWARE not per_cell */
+    const char *fetch_cones;   /* sectors, with fetch: the stored cone, `float NAME(int i, int j, int sector)`, or with
+                                  HARDWARE `float NAME(float u, float v, int sector)` */
     const char *fetch_maxima;  /* MAXMIP, QDM: the same for the maxima, `float NAME(int i, int j, int level)` */
     unsigned flags;            /* reserved for effects and frusta; 0 */
 } conemap_shader_desc;
@@ -886,11 +891,15 @@ CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
 /* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them. Every
-   pass reads textures and writes one value for each texel of the map, so it can be a compute dispatch or, for WebGL 2 and
-   ES 3.0, a full-screen draw (the viewport is the map's size). The state is a one-channel f32 texture, in two copies that
-   passes read and write by turns; before the first pass the one that it reads holds 0. With desc->map.guarantee VERTEX
-   what comes out are vertex cones as CONEMAP_RING makes them, to within float rounding and never wider; else, with the
-   SAFE pass, cones with CONEMAP_GUARANTEE_BILINEAR. */
+   pass reads textures and writes one value for each texel of one, so it can be a compute dispatch or, for WebGL 2 and
+   ES 3.0, a full-screen draw (the viewport is the pass's width x height). The state is a one-channel f32 texture, in two
+   copies that passes read and write by turns; before the first pass the one that it reads holds 0. The maxima are one more,
+   a square of 2^n texels that holds the map, with n levels below it, the smallest of one texel: over texels for generation,
+   over bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
+
+   With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, to within
+   float rounding, and where that makes conservative ones never wider; else, with the SAFE pass, cones with
+   CONEMAP_GUARANTEE_BILINEAR. Source: [VB22], and the branch and bound of CONEMAP_EXACT. */
 typedef enum conemap_kernel {
     CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
                                 and the state, writes the state */
@@ -899,33 +908,53 @@ typedef enum conemap_kernel {
                                 of the 3x3 block times sqrt(2) on square texels, more on long ones. About 62 % of the
                                 vertex cones' width is left on the test maps. Needs the heights and the state, writes the
                                 state */
-    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down. Not DUMMER */
+    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down, with the heights and slopes of its layout */
+    CONEMAP_KERNEL_CELLS,    /* level 0 of the maxima over bilinear cells: needs the heights */
+    CONEMAP_KERNEL_TEXELS,   /* level 0 of the maxima over texels: needs the heights */
+    CONEMAP_KERNEL_MAXIMA,   /* any further level: needs those below, and shall see no other where an API forbids to read
+                                a texture that is written (a draw of OpenGL: TEXTURE_MAX_LEVEL; a view elsewhere) */
+    CONEMAP_KERNEL_QUICK,    /* [VB22]: Algorithm 2, or 1 or the centre heuristic by desc->map.generator, the diagonals of
+                                2 mended. Needs the heights and the maxima over texels, writes the state */
+    CONEMAP_KERNEL_EXACT,    /* steepest slope, squared, to texels of blocks first..last of `level`, counted row by row, by
+                                branch and bound, nearest blocks first: needs the heights, the maxima over texels and the
+                                state, writes the state */
     CONEMAP_KERNEL_COUNT
 } conemap_kernel;
 
 /* One pass. Between passes the host waits for the writes of the one before (a barrier, or the next draw's order). */
 typedef struct conemap_gpu_pass {
     conemap_kernel kernel;
-    int first, last;     /* RING: the two arguments */
-    int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture */
+    int first, last;     /* RING, EXACT: the arguments conemap_first and conemap_last */
+    int level;           /* CELLS, TEXELS, MAXIMA: the level that is written; MAXIMA, EXACT: the argument conemap_level */
+    int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture; writes 3: a level of the maxima */
+    int width, height;   /* of what is written, in texels */
     int groups_x, groups_y; /* of 8 x 8 threads */
 } conemap_gpu_pass;
 
-/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture), fixed_size, prefix, binding, set,
-   sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state), precision, fetch
-   and, for the state, fetch_maxima, both `float NAME(int i, int j)`; other fields are ignored. FUNCTIONS are
+/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture, generator), fixed_size, prefix, binding, set,
+   sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state), maxima_name,
+   precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima; other fields are
+   ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any, and in GLSL what is
+   written. Not for maps with sectors. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
        float conemap_stored(int i, int j[, ivec2 size])     the cone channel; conemap_texel(i, j[, size]) is the height
+       float conemap_highest(int i, int j[, ivec2 size])    CELLS
+       float conemap_padded(int i, int j[, ivec2 size])     TEXELS
+       float conemap_four(int i, int j, int level)          MAXIMA
+       float conemap_quick(int i, int j[, ivec2 size])
+       float conemap_exact(int i, int j, int first, int last, int level[, ivec2 size])
    Otherwise as conemap_emit. */
 CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
                                                size_t capacity, size_t *size);
 
-/* The passes that make a map of desc->map.width x height: MIN3X3 among them if desc->map.min3x3 is set, SAFE unless
-   desc->map.guarantee is VERTEX. batch: texels that
-   one invocation looks at in a pass, so that no dispatch runs long; 0: 4096. passes: null asks for the count alone. Errors:
-   NULL, SIZE, PARAMETER (batch below 0), BUFFER (capacity below the count; nothing is written). */
+/* The passes that make a map of desc->map.width x height by desc->map.generator (0 and EXACT: branch and bound; RING; the
+   four QUICK ones): MIN3X3 among them if desc->map.min3x3 is set, SAFE unless desc->map.guarantee is VERTEX or NONE. With
+   desc->trace.tracer MAXMIP or QDM: the passes that make the maxima which these read. batch: texels and blocks that
+   one invocation looks at in a pass at the worst, so that no dispatch runs long; 0: 4096. RING stops early and EXACT prunes,
+   so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE, PARAMETER (batch below 0),
+   UNSUPPORTED (other generators, sectors), BUFFER (capacity below the count; nothing is written). */
 CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
                                               int *count);
 
@@ -7354,7 +7383,9 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(t_range) X(cap) X(atlas) X(array) X(host) X(size_argument) X(size_asked) X(sqrt) X(radius) X(apart)           \
     X(debug) X(cone_texel) X(fragment) X(compute) X(located) X(uses_map) X(uses_heights) X(uses_maxima)             \
     X(sampler) X(arguments) X(discards) X(host_maxima) X(external) X(version) X(solves) X(kernel) X(ring)           \
-    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state)                                             \
+    X(safe) X(store) X(steepest) X(unorm) X(half) X(pair) X(host_state) X(sectors) X(octants) X(both) X(uses_octants)\
+    X(cells) X(texels) X(maxima) X(quick) X(search) X(improved) X(center) X(slopes) X(ranged) X(levels) X(levelled) \
+    X(argued)                                                                                                       \
     X(relief) X(cone_march) X(steps_march) X(linear_v) X(blends) X(vertex) X(camera) X(shaded) X(coded) X(halved)   \
     X(from_host) X(host_lines) X(from_buffer) X(from_uniforms) X(from_texture) X(from_texels) X(from_block)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
@@ -7435,6 +7466,15 @@ static const conemap__snippet conemap__snippets[] = {
     {"conemap_texel", "$FN$TEXEL_TYPE conemap_texel(int i, int j$MAP_PARAMS) {\n"
                       "    return $TEXEL;\n"
                       "}\n"},
+    {"conemap_cone", "// The cone as stored, for rays of a sector: see conemap_sector of conemap.h.\n"
+                     "$FNfloat conemap_cone($CONE_PARAMS) {\n"
+                     "?host     return $STORED_CONE;\n"
+                     "?octants,!host     vec4 cones;\n"
+                     "?octants,!host     if (sector > 3) cones = $OCTANTS;\n"
+                     "?octants,!host     else cones = $QUADRANTS;\n"
+                     "?octants,!host     return cones[sector & 3];\n"
+                     "?!octants,!host     return $QUADRANTS[sector];\n"
+                     "}\n"},
     {"conemap_turn", "// Gathered corners, the one behind the ray first.\n"
                      "vec4 conemap_turn(vec4 g, int si, int sj) {\n"
                      "    g = si > 0 ? g.wzxy : g.zwyx;\n"
@@ -7469,10 +7509,9 @@ static const conemap__snippet conemap__snippets[] = {
      "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
      "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
      "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
-     "    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrt(max(d, 0.0f)));\n"
-     "    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;\n"
-     "    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;\n"
-     "    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;\n"
+     "    float d = b * b - 4.0f * a * c, root = sqrt(max(d, 0.0f));\n"
+     "    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;\n"
+     "    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;\n"
      "}\n"},
     {"conemap_line_hit",
      "// First t in 0..end at which a straight line from clearance c to the one at the end meets 0, or -1.\n"
@@ -7544,6 +7583,154 @@ static const conemap__snippet conemap__snippets[] = {
      "    return 1.0001f * max(gradient, s * (1.0f + 0.5f * (a * a + b * b) / (shorter * shorter))); // 1.0001: "
      "rounding\n"
      "}\n"},
+    {"conemap_highest", "// The highest corner of a bilinear cell; 0 beyond the map.\n"
+                        "$FNfloat conemap_highest(int i, int j$SIZE_PARAMS) {\n"
+                        "    int x = $FIRST_CELL_U, y = $FIRST_CELL_V;\n"
+                        "    if (i >= $CELLS_U || j >= $CELLS_V) return 0.0f;\n"
+                        "    return max(max(conemap_texel(x, y$SIZE), conemap_texel(x + 1, y$SIZE)),\n"
+                        "               max(conemap_texel(x, y + 1$SIZE), conemap_texel(x + 1, y + 1$SIZE)));\n"
+                        "}\n"},
+    {"conemap_padded", "// The height; 0 beyond the map.\n"
+                       "$FNfloat conemap_padded(int i, int j$SIZE_PARAMS) {\n"
+                       "    return i < $W && j < $H ? conemap_texel(i, j$SIZE) : 0.0f;\n"
+                       "}\n"},
+    {"conemap_maximum", "$FNfloat conemap_maximum(int x, int y, int k) {\n"
+                        "    return $MAXIMUM_AT;\n"
+                        "}\n"},
+    {"conemap_four", "// Block (i, j) of a level: the highest of the four of the level below.\n"
+                     "$FNfloat conemap_four(int i, int j, int level) {\n"
+                     "    int x = 2 * i, y = 2 * j, k = level - 1;\n"
+                     "    return max(max(conemap_maximum(x, y, k), conemap_maximum(x + 1, y, k)),\n"
+                     "               max(conemap_maximum(x, y + 1, k), conemap_maximum(x + 1, y + 1, k)));\n"
+                     "}\n"},
+    {"conemap_gradient", "// Height differences per texel; one-sided at a border.\n"
+                         "$FNvec2 conemap_gradient(int i, int j$SIZE_PARAMS) {\n"
+                         "    return vec2($SHARE_U * (conemap_texel(i + 1, j$SIZE) - conemap_texel(i - 1, j$SIZE)),\n"
+                         "                $SHARE_V * (conemap_texel(i, j + 1$SIZE) - conemap_texel(i, j - 1$SIZE)));\n"
+                         "}\n"},
+    {"conemap_block", "$STRUCT conemap_block {\n"
+                      "    int node, low, high; // its number; offsets of its texels from the texel's own\n"
+                      "?center     float middle;\n"
+                      "?c } conemap_block;\n"
+                      "?!c };\n"},
+    {"conemap_beside",
+     "// On one axis the block of level k that is `side` blocks beside a texel's own; low > high: there is none. A wrapping\n"
+     "// axis is seen from -size / 2 to size / 2.\n"
+     "$FNconemap_block conemap_beside(int at, int side, int size, int k, bool repeats) {\n"
+     "    int count = ((size - 1) >> k) + 1, node = (at >> k) + side;\n"
+     "    int shift = node < 0 ? -size : node >= count ? size : 0, end = size - 1 + shift - at;\n"
+     "    conemap_block b;\n"
+     "    b.node = shift < 0 ? count - 1 : shift > 0 ? 0 : node;\n"
+     "    b.low = (b.node << k) + shift - at;\n"
+     "    b.high = ((b.node + 1) << k) - 1 + shift - at;\n"
+     "    if (b.high > end) b.high = end;\n"
+     "?center     b.middle = 0.5f * float(b.low + b.high);\n"
+     "    if (repeats && b.low < -(size >> 1)) b.low = -(size >> 1);\n"
+     "    if (repeats && b.high > size >> 1) b.high = size >> 1;\n"
+     "    if (!repeats && shift != 0) b.high = b.low - 1;\n"
+     "    return b;\n"
+     "}\n"},
+    {"conemap_seen", "// The offsets that the three blocks of level k around a texel reach.\n"
+                     "$FNivec2 conemap_seen(int at, int size, int k, bool repeats) {\n"
+                     "    conemap_block own = conemap_beside(at, 0, size, k, repeats);\n"
+                     "    conemap_block before = conemap_beside(at, -1, size, k, repeats);\n"
+                     "    conemap_block behind = conemap_beside(at, 1, size, k, repeats);\n"
+                     "    return ivec2(before.low <= before.high ? before.low : own.low,\n"
+                     "                 behind.low <= behind.high ? behind.high : own.high);\n"
+                     "}\n"},
+    {"conemap_axis",
+     "// On one axis the squared distances to a block of level k, to what finer levels have not seen of it and to the whole,\n"
+     "// and its number. 1e30: there is no such thing.\n"
+     "$FNvec3 conemap_axis(int at, int side, int size, int k, bool repeats, float texel) {\n"
+     "    conemap_block b = conemap_beside(at, side, size, k, repeats);\n"
+     "?!center     int closest = side < 0 ? b.high : side > 0 ? b.low : 0;\n"
+     "?center     float whole = side == 0 ? 0.0f : texel * b.middle;\n"
+     "?!center     float whole = texel * float(closest);\n"
+     "    if (b.low > b.high) return vec3(1e30f, 1e30f, 0.0f);\n"
+     "?improved,!center     if (side == 0) return vec3(1e30f, 0.0f, float(b.node));\n"
+     "?improved,!center     if (k > 0) {\n"
+     "?improved,!center         ivec2 seen = conemap_seen(at, size, k - 1, repeats);\n"
+     "?improved,!center         if (side < 0 && closest >= seen.x) closest = seen.x - 1;\n"
+     "?improved,!center         if (side > 0 && closest <= seen.y) closest = seen.y + 1;\n"
+     "?improved,!center         if (closest < b.low || closest > b.high) return vec3(1e30f, whole * whole, float(b.node));\n"
+     "?improved,!center     }\n"
+     "?improved,!center     float unseen = texel * float(closest);\n"
+     "?improved,!center     return vec3(unseen * unseen, whole * whole, float(b.node));\n"
+     "?!improved     return vec3(whole * whole, whole * whole, float(b.node));\n"
+     "?improved,center     return vec3(whole * whole, whole * whole, float(b.node));\n"
+     "}\n"},
+    {"conemap_covers", "// Have finer levels than k seen all of an axis?\n"
+                       "$FNbool conemap_covers(int at, int size, int k, bool repeats) {\n"
+                       "    ivec2 seen = conemap_seen(at, size, k - 1, repeats);\n"
+                       "    return seen.x <= (repeats ? -(size >> 1) : -at) && seen.y >= (repeats ? size >> 1 : size - 1 - at);\n"
+                       "}\n"},
+    {"conemap_quick",
+     "// A slope, squared, that no texel exceeds: level by level the 3x3 blocks around, each with its maximum at its closest\n"
+     "?center // point, taken to be its middle, so that some exceed it after all.\n"
+     "?improved,!center // point that finer levels have not seen, which on a diagonal is the nearer of two corners.\n"
+     "?!improved,!center // point.\n"
+     "$FNfloat conemap_quick(int i, int j$SIZE_PARAMS) {\n"
+     "    float s = 0.0f, apex = conemap_texel(i, j$SIZE), a = 1.0f / $FW, b = $ASPECT / $FH;\n"
+     "    int longest = $W > $H ? $W : $H;\n"
+     "    for (int k = 0; (2 * longest - 1) >> k > 0; ++k) {\n"
+     "        if (k > 0 && conemap_covers(i, $W, k, $REPEATS_U) && conemap_covers(j, $H, k, $REPEATS_V)) break;\n"
+     "        for (int y = -1; y <= 1; ++y) {\n"
+     "            vec3 v = conemap_axis(j, y, $H, k, $REPEATS_V, b);\n"
+     "            for (int x = -1; x <= 1; ++x) {\n"
+     "                vec3 u = conemap_axis(i, x, $W, k, $REPEATS_U, a);\n"
+     "                float d2 = min(u.x + v.y, u.y + v.x), rise = conemap_maximum(int(u.z), int(v.z), k) - apex;\n"
+     "                if ((x != 0 || y != 0) && d2 < 1e29f && rise > 0.0f) s = max(s, rise * rise / d2);\n"
+     "            }\n"
+     "        }\n"
+     "    }\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_nearer", "// Of a block and the one beside it that shares its parent, the nearer.\n"
+                       "$FNint conemap_nearer(int at, int block, int k) {\n"
+                       "    return clamp(at >> k, block & ~1, block | 1);\n"
+                       "}\n"},
+    {"conemap_steeper",
+     "// The steepest slope, squared, from height `apex` at texel (i, j), which may lie beside the map, to the texels of a\n"
+     "// block; s is known already. Blocks that hold nothing steeper are left out, nearer ones come first.\n"
+     "$FNfloat conemap_steeper(float s, float apex, int i, int j, int level, int x, int y$SIZE_PARAMS) {\n"
+     "    float a = 1.0f / $FW, b = $ASPECT / $FH;\n"
+     "    int k = level, inside_i = clamp(i, 0, $W - 1), inside_j = clamp(j, 0, $H - 1);\n"
+     "    for (bool done = false; !done;) {\n"
+     "        float u = a * float(i - clamp(i, x << k, ((x + 1) << k) - 1));\n"
+     "        float v = b * float(j - clamp(j, y << k, ((y + 1) << k) - 1)), d2 = u * u + v * v;\n"
+     "        float rise = max(conemap_maximum(x, y, k) - apex, 0.0f);\n"
+     "        bool steeper = rise * rise > s * d2;\n"
+     "        if (steeper && k == 0) s = rise * rise / d2;\n"
+     "        if (steeper && k > 0) {\n"
+     "            --k;\n"
+     "            x = conemap_nearer(inside_i, 2 * x, k);\n"
+     "            y = conemap_nearer(inside_j, 2 * y, k);\n"
+     "        } else { // on to the next of the four, or of those around\n"
+     "            for (; k < level && x != conemap_nearer(inside_i, x, k) && y != conemap_nearer(inside_j, y, k); ++k) {\n"
+     "                x = x >> 1;\n"
+     "                y = y >> 1;\n"
+     "            }\n"
+     "            done = k == level;\n"
+     "            if (x != conemap_nearer(inside_i, x, k)) y = y ^ 1;\n"
+     "            x = x ^ 1;\n"
+     "        }\n"
+     "    }\n"
+     "    return s;\n"
+     "}\n"},
+    {"conemap_exact",
+     "// Steepest slope, squared, from texel (i, j) to those of blocks first..last of a level, and of those before.\n"
+     "$FNfloat conemap_exact(int i, int j, int first, int last, int level$SIZE_PARAMS) {\n"
+     "    float s = $KEPT, apex = conemap_texel(i, j$SIZE);\n"
+     "    int end = $W - 1, across = (end >> level) + 1;\n"
+     "    for (int block = first; block <= last; ++block) {\n"
+     "        int x = int(uint(block) % uint(across)), y = int(uint(block) / uint(across));\n"
+     "?!wraps         s = conemap_steeper(s, apex, i, j, level, x, y$SIZE);\n"
+     "?wraps         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, beside itself; as well the texel may move\n"
+     "?wraps             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y$SIZE);\n"
+     "?wraps         }\n"
+     "    }\n"
+     "    return s;\n"
+     "}\n"},
     {"conemap_stored",
      "// The cone as the texture keeps it: 2^-20 narrower for all rounding, and rounded down.\n"
      "$FNfloat conemap_stored(int i, int j$SIZE_PARAMS) {\n"
@@ -7588,6 +7775,8 @@ static const char conemap__trace_head[] =
     "?wrap_u,!wrap_v     range = conemap_clip(range, origin.y, direction.y, $LOW_V, $HIGH_V);\n"
     "    int i = 0, j = 0, si = direction.x < 0.0f ? -1 : 1, sj = direction.y < 0.0f ? -1 : 1, steps = 0;\n"
     "    vec3 v = vec3(max(abs(direction.x) * $FW, 1e-20f), max(abs(direction.y) * $FH, 1e-20f), direction.z);\n"
+    "?sectors     int sector = (direction.x < 0.0f ? 1 : 0) + (direction.y < 0.0f ? 2 : 0);\n"
+    "?octants     if (v.y > v.x) sector += 4;\n"
     "    float x = float(si) * (origin.x * $FW - 0.5f), y = float(sj) * (origin.y * $FH - 0.5f), z = origin.z;\n"
     "?status,nothing     int end_status = box.x > box.y ? 1 : box.y == ground ? 2 : $T_MAX_STATUS;\n"
     "?status,!nothing     int end_status = $T_MAX_STATUS;\n"
@@ -7616,13 +7805,13 @@ static const char conemap__move_text[] =
     "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
 
 static const char conemap__surface_text[] = /* the height below the ray, and with `cones` the cone there */
-    "?cones,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
-    "?cones,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
+    "?both,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
+    "?both,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
-    "?cones,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
-    "?!cones,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
+    "?both,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?!both,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
     "j$MAP),\n"
-    "?!cones,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
+    "?!both,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
     "+ sj$MAP));\n"
     "?gather         vec2 uv = vec2(float(i + (si > 0 ? 1 : 0)) / $FW, float(j + (sj > 0 ? 1 : 0)) / $FH);\n"
     "?gather         vec4 heights = conemap_turn($GATHER_HEIGHTS, si, sj);\n"
@@ -7635,9 +7824,15 @@ static const char conemap__surface_text[] = /* the height below the ray, and wit
     "?!hardware         float height = conemap_mix(heights, x, y);\n";
 
 static const char conemap__cone_text[] =
-    "?!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
-    "?!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
-    "?gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
+    "?both,!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+    "?both,!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
+    "?both,gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
+    "?sectors,!hardware,!per_cell         vec4 cones = vec4(conemap_cone(i, j, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i + si, j, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i, j + sj, sector$MAP),\n"
+    "?sectors,!hardware,!per_cell                           conemap_cone(i + si, j + sj, sector$MAP));\n"
+    "?sectors,!hardware,!per_cell         float cone = conemap_mix(cones, x, y);\n"
+    "?sectors,per_cell         float cone = conemap_cone(si > 0 ? i : i - 1, sj > 0 ? j : j - 1, sector$MAP);\n"
     "?cone_texel         float cone = conemap_texel(si > 0 ? i : i - 1, sj > 0 ? j : j - 1$MAP);\n"
     "?hardware,!apart         float cone = both.y;\n"
     "?hardware,apart,!per_cell         float cone = $SAMPLE_CONE;\n";
@@ -7647,8 +7842,7 @@ static const char conemap__loop_exact[] =
     "@cone\n"
     "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
     "the border\n"
-    "        float gap = z - height, closing = speed - $TANGENT * v.z;\n"
-    "        hit = conemap_patch_hit(heights, x, y, gap, v, min(leave, left));\n"
+    "        hit = conemap_patch_hit(heights, x, y, z - height, v, min(leave, left));\n"
     "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
     "it\n"
     "?back             walked = t;\n"
@@ -7657,7 +7851,8 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
+    "        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
+    "        float closing = speed - $TANGENT * v.z;\n"
     "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
     "1e30f);\n"
     "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
@@ -7768,6 +7963,7 @@ static const conemap__word conemap__words[] = {
     {"mat4", "float4x4", "float4x4", "mat4", "mat4"},
     {"float", "float", "float", "float", "(float)"},
     {"int", "int", "int", "int", "(int)"},
+    {"uint", "uint", "uint", "unsigned", "(unsigned)"},
     {"clamp", "clamp", "clamp", "clamp", "conemap_clampi"},
     {"min", "min", "min", "min", "fminf"},
     {"max", "max", "max", "max", "fmaxf"},
@@ -7788,7 +7984,7 @@ typedef struct conemap__piece {
 #define CONEMAP__NAME_SIZE 64
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 64 /* snippets in one at most */
-#define CONEMAP__GIVEN 8       /* names that a host can give */
+#define CONEMAP__GIVEN 9       /* names that a host can give */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -7801,7 +7997,7 @@ typedef struct conemap__emitter {
     int piece_count;
     const char *prefix;
     const char *given[CONEMAP__GIVEN];      /* the host's names, or null */
-    char names[4][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler */
+    char names[5][CONEMAP__NAME_SIZE + 16]; /* map, heights, maxima, sampler, octants */
     int commenting;
     int shift; /* how far lines are written to the left */
     int clash; /* a word of the text is also a name of the host's */
@@ -8025,18 +8221,22 @@ static const char conemap__head_text[] =
     "?size_argument // size: the map's width and height in texels.\n"
     "?array // slice: the texture array's.\n"
     "?uses_map // $MAP_NAME: $MAP_COMMENT\n"
+    "?uses_octants // $OCTANTS_NAME: the same of sectors 4 to 7\n"
     "?uses_heights // $HEIGHTS_NAME: height in the first channel$FILTER_COMMENT\n"
     "?uses_maxima // $MAXIMA_NAME: maxima over bilinear cells, with all its mips; only fetched\n"
     "?host // $FETCH_NAME: the host's; $FETCH_COMMENT\n"
+    "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
     "\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_octants,!external,glsl $OCTANTS_LAYOUTuniform $SAMPLER $OCTANTS_NAME;\n"
     "?uses_heights,!external,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_maxima,!external,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
     "?uses_map,!external,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_octants,!external,hlsl $TEXTURE<$MAP_TYPE> $OCTANTS_NAME$OCTANTS_LAYOUT;\n"
     "?uses_heights,!external,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,!external,hlsl $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
     "?sampler,!external SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
@@ -8044,6 +8244,7 @@ static const char conemap__head_text[] =
 
 static const char conemap__host_text[] =
     "$TEXEL_TYPE $FETCH_NAME($FETCH_PARAMS);\n"
+    "?sectors float $FETCH_CONES_NAME($FETCH_PLACE, int sector$SLICE_PARAM);\n"
     "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level$SLICE_PARAM);\n"
     "\n";
 
@@ -8165,8 +8366,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     if (d->map.max_tan == 0.0f) d->map.max_tan = 1.0f;
     if (!conemap__in_range(d->map.aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(d->map.max_tan, 1e-30f, CONEMAP_TAN_LIMIT) || d->set < 0 || d->set > 1024 ||
-        d->binding < 0 || d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536 ||
-        d->sectors < 0)
+        d->binding < 0 || d->binding > 65536 || d->sampler_binding < 0 || d->sampler_binding > 65536)
         return CONEMAP_ERROR_PARAMETER;
     if (d->fixed_size && (d->map.width < 1 || d->map.height < 1 || d->map.width > CONEMAP_MAX_SIZE ||
                           d->map.height > CONEMAP_MAX_SIZE))
@@ -8178,13 +8378,15 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     e->given[4] = d->sampler_name;
     e->given[5] = d->fetch;
     e->given[6] = d->fetch_maxima;
-    for (k = 0; k < 7; ++k) {
+    e->given[7] = d->octants_name;
+    e->given[8] = d->fetch_cones;
+    for (k = 0; k < CONEMAP__GIVEN; ++k) {
         if (!conemap__is_name(e->given[k])) return CONEMAP_ERROR_PARAMETER;
         for (m = 0; m < k; ++m)
             if (e->given[k] && e->given[m] && strcmp(e->given[k], e->given[m]) == 0)
                 return CONEMAP_ERROR_PARAMETER;
     }
-    if (d->flags != 0 || d->sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
+    if (d->flags != 0) return CONEMAP_ERROR_UNSUPPORTED;
 
     tracer = d->trace.tracer;
     e->prefix = d->prefix ? d->prefix : "conemap";
@@ -8223,11 +8425,16 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_host] = d->fetch != NULL;
     f[conemap__flag_host_maxima] = d->fetch_maxima != NULL && f[conemap__flag_blocks];
     f[conemap__flag_per_cell] = d->map.texture.per_cell && f[conemap__flag_cones];
-    f[conemap__flag_cone_only] = d->map.texture.layout == CONEMAP_CONE_ONLY && !d->fetch;
+    f[conemap__flag_sectors] = d->map.texture.sectors > 1 && f[conemap__flag_cones];
+    f[conemap__flag_octants] = d->map.texture.sectors == 8 && f[conemap__flag_cones];
+    f[conemap__flag_uses_octants] = f[conemap__flag_octants] && !d->fetch;
+    f[conemap__flag_both] = f[conemap__flag_cones] && !f[conemap__flag_sectors];
+    f[conemap__flag_cone_only] = /* heights in a texture of their own */
+        (d->map.texture.layout == CONEMAP_CONE_ONLY || d->map.texture.sectors > 1) && !d->fetch;
     f[conemap__flag_hardware] = d->filter == CONEMAP_FILTER_HARDWARE;
     f[conemap__flag_gather] = d->filter == CONEMAP_FILTER_GATHER;
-    f[conemap__flag_apart] = f[conemap__flag_cone_only] || f[conemap__flag_per_cell];
-    f[conemap__flag_cone_texel] = f[conemap__flag_cones] && f[conemap__flag_per_cell] &&
+    f[conemap__flag_apart] = f[conemap__flag_cone_only] || f[conemap__flag_per_cell] || f[conemap__flag_sectors];
+    f[conemap__flag_cone_texel] = f[conemap__flag_both] && f[conemap__flag_per_cell] &&
                                   (f[conemap__flag_gather] || f[conemap__flag_hardware]);
     f[conemap__flag_steps] = d->steps != 0 && !f[conemap__flag_any];
     f[conemap__flag_status] = d->status != 0 && !f[conemap__flag_any];
@@ -8262,6 +8469,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
             (exact && f[conemap__flag_hardware]) || (d->fetch && f[conemap__flag_gather]) ||
             (d->fetch && f[conemap__flag_hardware] && f[conemap__flag_per_cell]) ||
+            (d->fetch && f[conemap__flag_sectors] && !d->fetch_cones) ||
             (d->atlas && (d->filter != CONEMAP_FILTER_FETCH || d->fixed_size || f[conemap__flag_blocks])) ||
             (f[conemap__flag_per_cell] && d->map.texture.encoding == CONEMAP_RADIUS) ||
             (d->external && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->trace.any_hit && !f[conemap__flag_any]) ||
@@ -8342,8 +8550,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
     const char *map = "$MAP_NAME",
                *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
+    const char *octants = "$OCTANTS_NAME";
+    const int both = f[conemap__flag_both], filtered = f[conemap__flag_hardware] && !f[conemap__flag_per_cell];
     const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
-    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *gathers, *texel;
+    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *point, *gathers, *texel;
     char number_w[16], number_h[16];
     char *out;
     int binding = d->binding, k;
@@ -8518,13 +8728,14 @@ static void conemap__make_pieces(conemap__emitter *e) {
     uv = hlsl    ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)")
          : array ? ", vec3(uv, float(slice)), 0.0)"
                  : ", uv, 0.0)";
+    point = array ? ", vec3(u, v, float(slice)), 0.0)" : ", vec2(u, v), 0.0)";
     out = conemap__piece_new(e, "TEXEL", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, array ? "($I, $J, slice)" : "($I, $J)");
     } else if (f[conemap__flag_cone_texel]) {
         conemap__read_texture(e, out, map, fetch, texel, cone_swizzle);
-    } else if (!cones) {
+    } else if (!both) {
         conemap__read_texture(e, out, height_texture, fetch, texel, ".r");
     } else if (f[conemap__flag_cone_only]) {
         conemap__append(out, size, hlsl ? "float2(" : "vec2(");
@@ -8533,6 +8744,16 @@ static void conemap__make_pieces(conemap__emitter *e) {
     } else {
         conemap__read_texture(e, out, map, fetch, texel, ".rg");
     }
+    conemap__piece_set(e, "CONE_PARAMS", 0,
+                       filtered ? "$FETCH_PLACE, int sector$SLICE_PARAM" : "int i, int j, int sector$MAP_PARAMS");
+    conemap__piece_set(e, "FETCH_PLACE", 0, f[conemap__flag_hardware] ? "float u, float v" : "int i, int j");
+    conemap__piece_set(e, "STORED_CONE", 0,
+                       filtered ? (array ? "$FETCH_CONES_NAME(u, v, sector, slice)" : "$FETCH_CONES_NAME(u, v, sector)")
+                       : array  ? "$FETCH_CONES_NAME($I, $J, sector, slice)"
+                                : "$FETCH_CONES_NAME($I, $J, sector)");
+    for (k = 0; k < 2; ++k)
+        conemap__read_texture(e, conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0), k == 0 ? map : octants,
+                              filtered ? sample : fetch, filtered ? point : texel, "");
     out = conemap__piece_new(e, "SAMPLE", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
@@ -8542,7 +8763,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
         conemap__read_texture(e, out, map, sample, uv, ".rg");
         conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, sample, uv, ".r");
     }
-    conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+    if (both)
+        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+    else
+        conemap__piece_set(e, "SAMPLE_CONE", 0, array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
     for (k = 0; k < 2; ++k) {
         const int green = k == 1 && !f[conemap__flag_cone_only];
         out = conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0);
@@ -8573,18 +8797,35 @@ static void conemap__make_pieces(conemap__emitter *e) {
             ".r");
     }
     if (f[conemap__flag_kernel]) {
+        conemap__piece_set(e, "FIRST_CELL_U", 0, d->map.wrap_u == CONEMAP_CLAMP ? "i - 1" : "i");
+        conemap__piece_set(e, "FIRST_CELL_V", 0, d->map.wrap_v == CONEMAP_CLAMP ? "j - 1" : "j");
+        conemap__piece_set(e, "SHARE_U", 0, f[conemap__flag_wrap_u] ? "0.5f" : "(i > 0 && i < $W - 1 ? 0.5f : 1.0f)");
+        conemap__piece_set(e, "SHARE_V", 0, f[conemap__flag_wrap_v] ? "0.5f" : "(j > 0 && j < $H - 1 ? 0.5f : 1.0f)");
+        conemap__piece_set(e, "REPEATS_U", 0, f[conemap__flag_wrap_u] ? "true" : "false");
+        conemap__piece_set(e, "REPEATS_V", 0, f[conemap__flag_wrap_v] ? "true" : "false");
+        conemap__piece_set(e, "COPIES", 0, f[conemap__flag_wrap_u] && f[conemap__flag_wrap_v] ? "9" : "3");
+        conemap__piece_set(e, "COPY_U", 0, f[conemap__flag_wrap_u] ? "i + (int(uint(copy + 1) % 3u) - 1) * $W" : "i");
+        conemap__piece_set(e, "COPY_V", 0,
+                           !f[conemap__flag_wrap_v]  ? "j"
+                           : f[conemap__flag_wrap_u] ? "j + (int(uint(copy + 3) / 3u % 3u) - 1) * $H"
+                                                     : "j + (int(uint(copy + 1) % 3u) - 1) * $H");
+        if (d->fetch_maxima)
+            conemap__piece_set(e, "MAXIMUM_AT", 0, "$FETCH_MAXIMA_NAME(x, y, k)");
+        else
+            conemap__read_texture(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", fetch,
+                                  hlsl ? "(int3(x, y, k))" : ", ivec2(x, y), k)", ".r");
         conemap__append(conemap__piece_new(e, "KEPT", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME(i, j)"
+                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME(i, j)"
                         : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0)).r"
                                                     : "texelFetch($MAP_NAME, ivec2(i, j), 0).r");
         conemap__append(conemap__piece_new(e, "SLOPE", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_MAXIMA_NAME($I, $J)"
+                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME($I, $J)"
                         : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0)).r"
                                                     : "texelFetch($MAP_NAME, ivec2($I, $J), 0).r");
         conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
         conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
-    conemap__piece_set(e, "TEXEL_TYPE", 0, !cones || f[conemap__flag_cone_texel] ? "float" : "vec2");
+    conemap__piece_set(e, "TEXEL_TYPE", 0, !both || f[conemap__flag_cone_texel] ? "float" : "vec2");
     conemap__piece_set(e, "ANY_TEXTURE", 0, f[conemap__flag_uses_map] ? map : heights);
     conemap__piece_set(e, "LAYERS", 1, array ? ", layers" : "");
 
@@ -8597,23 +8838,26 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "HEIGHTS_NAME", 1, conemap__resource_name(e, 1, d->heights_name, "_heights"));
     conemap__piece_set(e, "MAXIMA_NAME", 1, conemap__resource_name(e, 2, d->maxima_name, "_maxima"));
     conemap__piece_set(e, "SAMPLER_NAME", 1, conemap__resource_name(e, 3, d->sampler_name, "_sampler"));
+    conemap__piece_set(e, "OCTANTS_NAME", 1, conemap__resource_name(e, 4, d->octants_name, "_octants"));
     conemap__piece_set(e, "FETCH_NAME", 1, host ? d->fetch : "");
     conemap__piece_set(e, "FETCH_MAXIMA_NAME", 1, d->fetch_maxima ? d->fetch_maxima : "");
-    conemap__piece_set(e, "FETCH_PARAMS", 0,
-                       f[conemap__flag_hardware] ? "float u, float v$SLICE_PARAM" : "int i, int j$SLICE_PARAM");
-    conemap__piece_set(e, "FETCH_COMMENT", 1, cones ? "height, and the cone as stored" : "height");
+    conemap__piece_set(e, "FETCH_CONES_NAME", 1, d->fetch_cones ? d->fetch_cones : "");
+    conemap__piece_set(e, "FETCH_PARAMS", 0, "$FETCH_PLACE$SLICE_PARAM");
+    conemap__piece_set(e, "FETCH_COMMENT", 1, both ? "height, and the cone as stored" : "height");
     conemap__piece_set(e, "FILTER_COMMENT", 1,
                        f[conemap__flag_hardware] ? "; linear filter"
                        : f[conemap__flag_gather] ? "; gathered"
                                                  : "; only fetched");
     out = conemap__piece_new(e, "MAP_COMMENT", 1);
     conemap__append(out, size,
-                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "r"
-                    : d->map.texture.layout == CONEMAP_DUMMER  ? "rgba"
-                                                               : "rg");
+                    f[conemap__flag_sectors]                     ? "rgba"
+                    : d->map.texture.layout == CONEMAP_CONE_ONLY ? "r"
+                    : d->map.texture.layout == CONEMAP_DUMMER    ? "rgba"
+                                                                 : "rg");
     conemap__append(out, size, formats[d->map.texture.format]);
-    conemap__append(out, size, d->map.texture.layout == CONEMAP_CONE_ONLY ? ", " : ", height and ");
+    conemap__append(out, size, f[conemap__flag_cone_only] ? ", " : ", height and ");
     conemap__append(out, size, encodings[d->map.texture.encoding]);
+    if (f[conemap__flag_sectors]) conemap__append(out, size, " in sectors 0 to 3");
     if (d->map.texture.per_cell) conemap__append(out, size, ", one for each cell");
     if (d->map.texture.layout == CONEMAP_DUMMER) conemap__append(out, size, ", and slopes, not read here");
     conemap__append(out, size,
@@ -8630,11 +8874,14 @@ static void conemap__make_pieces(conemap__emitter *e) {
     out = conemap__piece_new(e, "MAP_TYPE", 1);
     if (unorm) conemap__append(out, size, "unorm ");
     conemap__append(out, size,
-                    d->map.texture.layout == CONEMAP_CONE_ONLY ? "float"
-                    : d->map.texture.layout == CONEMAP_DUMMER  ? "float4"
-                                                               : "float2");
+                    f[conemap__flag_sectors]                     ? "float4"
+                    : d->map.texture.layout == CONEMAP_CONE_ONLY ? "float"
+                    : d->map.texture.layout == CONEMAP_DUMMER    ? "float4"
+                                                                 : "float2");
     conemap__place_resource(e, "MAP_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_map];
+    conemap__place_resource(e, "OCTANTS_LAYOUT", 't', binding);
+    binding += f[conemap__flag_uses_octants];
     conemap__place_resource(e, "HEIGHTS_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_heights];
     conemap__place_resource(e, "MAXIMA_LAYOUT", 't', binding);
@@ -8717,29 +8964,40 @@ static const char conemap__kernel_head[] =
     "?steepest // conemap.h: of each 3x3 block the narrowest cone.\n"
     "?safe // conemap.h: cones made safe for the bilinear surface.\n"
     "?store // conemap.h: cones as the texture keeps them.\n"
+    "?cells // conemap.h: maxima over bilinear cells, the finest level.\n"
+    "?texels // conemap.h: maxima over texels, the finest level.\n"
+    "?maxima // conemap.h: maxima, a level from the one below.\n"
+    "?quick // conemap.h: quick cones.\n"
+    "?search // conemap.h: exact cones, by branch and bound over maxima.\n"
     "?uses_heights // $HEIGHTS_NAME: height in the first channel; only fetched\n"
-    "?!host_state // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?uses_map // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?uses_maxima,!maxima // $MAXIMA_NAME: r32f, maxima over texels, with all mips; only fetched\n"
+    "?uses_maxima,maxima // $MAXIMA_NAME: r32f, the levels below; only fetched\n"
     "?size_argument // size: the map's width and height in texels.\n"
     "?c #include <math.h>\n"
+    "?quick,c #include <stdbool.h>\n"
+    "?search,c #include <stdbool.h>\n"
     "\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
-    "?!host_state,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
+    "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
-    "?!host_state,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_maxima,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
+    "?uses_map,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
+    "?uses_maxima,hlsl Texture2D<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
     "?host float $FETCH_NAME(int i, int j);\n"
-    "?host_state float $FETCH_MAXIMA_NAME(int i, int j);\n"
+    "?host_state float $FETCH_CONES_NAME(int i, int j);\n"
+    "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
     "\n";
 
 static const char conemap__kernel_main[] =
-    "?ring,glsl,!vulkan uniform int conemap_first, conemap_last;\n"
-    "?ring,vulkan layout(push_constant) uniform conemap_arguments {\n"
-    "?ring,hlsl cbuffer conemap_arguments : register(b$BINDING) {\n"
-    "?ring,vulkan     int conemap_first, conemap_last;\n"
-    "?ring,hlsl     int conemap_first, conemap_last;\n"
-    "?ring,vulkan };\n"
-    "?ring,hlsl };\n"
+    "?vulkan,argued layout(push_constant) uniform conemap_arguments {\n"
+    "?hlsl,argued cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?ranged $UNIFORMint conemap_first, conemap_last;\n"
+    "?levelled $UNIFORMint conemap_level;\n"
+    "?vulkan,argued };\n"
+    "?hlsl,argued };\n"
     "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?fragment,glsl,!located out vec4 conemap_color;\n"
     "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
@@ -8755,7 +9013,12 @@ static const char conemap__kernel_main[] =
     "?fragment,hlsl     int i = int(place.x), j = int(place.y);\n"
     "?compute,glsl     int i = int(gl_GlobalInvocationID.x), j = int(gl_GlobalInvocationID.y);\n"
     "?compute,hlsl     int i = int(thread.x), j = int(thread.y);\n"
-    "?compute     if (i >= $W || j >= $H) return;\n"
+    "?compute,!levels     if (i >= $W || j >= $H) return;\n"
+    "?compute,levels,glsl     ivec2 side = imageSize(conemap_out);\n"
+    "?compute,levels,glsl     if (i >= side.x || j >= side.y) return;\n"
+    "?compute,levels,hlsl     uint width, height;\n"
+    "?compute,levels,hlsl     conemap_out.GetDimensions(width, height);\n"
+    "?compute,levels,hlsl     if (thread.x >= width || thread.y >= height) return;\n"
     "?fragment,glsl     conemap_color = vec4($RESULT);\n"
     "?fragment,hlsl     return vec4($RESULT);\n"
     "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
@@ -8769,6 +9032,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     unsigned char *f = e->flags;
     conemap_texture texture = desc->map.texture;
     conemap_result result;
+    int state, heights, maxima, es_compute;
     d->dialect = desc->dialect;
     d->stage = desc->stage;
     d->map = desc->map;
@@ -8782,8 +9046,10 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     d->precision = desc->precision;
     d->map_name = desc->map_name;
     d->heights_name = desc->heights_name;
+    d->maxima_name = desc->maxima_name;
     d->fetch = desc->fetch;
     d->fetch_maxima = desc->fetch_maxima;
+    d->fetch_cones = desc->fetch_cones;
     d->trace.tracer = CONEMAP_TRACE_LINEAR; /* which reads heights alone */
     if (!CONEMAP__KNOWN(kernel, CONEMAP_KERNEL_COUNT)) return CONEMAP_ERROR_ENUM;
     result = conemap__check_texture(&texture);
@@ -8799,65 +9065,99 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_radius] = texture.encoding == CONEMAP_RADIUS;
     f[conemap__flag_unorm] = texture.format == CONEMAP_UNORM16 || texture.format == CONEMAP_UNORM8;
     f[conemap__flag_half] = texture.format == CONEMAP_F16;
+    f[conemap__flag_cells] = kernel == CONEMAP_KERNEL_CELLS;
+    f[conemap__flag_texels] = kernel == CONEMAP_KERNEL_TEXELS;
+    f[conemap__flag_maxima] = kernel == CONEMAP_KERNEL_MAXIMA;
+    f[conemap__flag_quick] = kernel == CONEMAP_KERNEL_QUICK;
+    f[conemap__flag_search] = kernel == CONEMAP_KERNEL_EXACT;
+    f[conemap__flag_improved] = d->map.generator != CONEMAP_QUICK_NAIVE && d->map.generator != CONEMAP_QUICK_NAIVE_CENTER;
+    f[conemap__flag_center] =
+        d->map.generator == CONEMAP_QUICK_CENTER || d->map.generator == CONEMAP_QUICK_NAIVE_CENTER;
+    f[conemap__flag_ranged] = f[conemap__flag_ring] || f[conemap__flag_search];
+    f[conemap__flag_levelled] = f[conemap__flag_maxima] || f[conemap__flag_search];
+    f[conemap__flag_argued] = f[conemap__flag_ranged] || f[conemap__flag_levelled];
+    f[conemap__flag_levels] = f[conemap__flag_cells] || f[conemap__flag_texels] || f[conemap__flag_maxima];
     f[conemap__flag_pair] = f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE;
-    f[conemap__flag_host_state] = d->fetch_maxima != NULL;
-    f[conemap__flag_uses_map] = !d->fetch_maxima;
-    f[conemap__flag_uses_heights] =
-        !d->fetch &&
-        (f[conemap__flag_ring] || f[conemap__flag_safe] ||
-         (f[conemap__flag_store] &&
-          (f[conemap__flag_radius] || (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS))));
-    f[conemap__flag_host] = d->fetch && (f[conemap__flag_ring] || f[conemap__flag_safe] ||
-                                         (f[conemap__flag_store] && f[conemap__flag_radius]));
-    if ((d->fetch == NULL) != (d->fetch_maxima == NULL) || (d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
-        (f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER) ||
-        (f[conemap__flag_store] && f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE &&
-         (f[conemap__flag_pair] || texture.format != CONEMAP_F32))) /* ES 3.1 has no such images */
+    f[conemap__flag_slopes] = f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER;
+    state = !f[conemap__flag_levels] && !f[conemap__flag_quick];
+    maxima = f[conemap__flag_maxima] || f[conemap__flag_quick] || f[conemap__flag_search];
+    heights = f[conemap__flag_store] ? f[conemap__flag_radius] || f[conemap__flag_slopes] ||
+                                           (f[conemap__flag_pair] && d->stage != CONEMAP_STAGE_FUNCTIONS)
+                                     : !f[conemap__flag_steepest] && !f[conemap__flag_maxima];
+    f[conemap__flag_host] = d->fetch && heights;
+    f[conemap__flag_host_state] = d->fetch && state;
+    f[conemap__flag_host_maxima] = d->fetch && maxima;
+    f[conemap__flag_uses_map] = !d->fetch && state;
+    f[conemap__flag_uses_heights] = !d->fetch && heights;
+    f[conemap__flag_uses_maxima] = !d->fetch && maxima;
+    es_compute = f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE; /* which has but few formats of images */
+    if ((d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->fetch && state && !d->fetch_cones) ||
+        (d->fetch && maxima && !d->fetch_maxima) || (!d->fetch && (d->fetch_cones || d->fetch_maxima)) ||
+        texture.sectors > 1 ||
+        (es_compute && f[conemap__flag_store] &&
+         (f[conemap__flag_slopes] ? texture.format == CONEMAP_UNORM16
+                                  : f[conemap__flag_pair] || texture.format != CONEMAP_F32)))
         return CONEMAP_ERROR_UNSUPPORTED;
-    if (!d->fixed_size && !d->fetch) f[conemap__flag_size_asked] = 1;
+    f[conemap__flag_size_asked] = !d->fixed_size && !d->fetch && !f[conemap__flag_maxima];
     return CONEMAP_OK;
 }
 
 static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
                                                 size_t capacity, size_t *size) {
-    static const char *const functions[CONEMAP_KERNEL_COUNT] = {"conemap_ring", "conemap_steepest", "conemap_safe",
-                                                                "conemap_stored"};
+    static const char *const functions[CONEMAP_KERNEL_COUNT] = {
+        "conemap_ring",   "conemap_steepest", "conemap_safe",  "conemap_stored", "conemap_highest",
+        "conemap_padded", "conemap_four",     "conemap_quick", "conemap_exact"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {
-        "conemap_ring(i, j, conemap_first, conemap_last$SIZE)", "conemap_steepest(i, j$SIZE)",
-        "conemap_safe(i, j$SIZE)", "conemap_stored(i, j$SIZE)"};
-    static const char *const formats[CONEMAP_FORMAT_COUNT][2] = {
-        {"r32f", "rg32f"}, {"r16f", "rg16f"}, {"r16", "rg16"}, {"r8", "rg8"}};
+        "conemap_ring(i, j, conemap_first, conemap_last$SIZE)",
+        "conemap_steepest(i, j$SIZE)",
+        "conemap_safe(i, j$SIZE)",
+        "conemap_stored(i, j$SIZE)",
+        "conemap_highest(i, j$SIZE)",
+        "conemap_padded(i, j$SIZE)",
+        "conemap_four(i, j, conemap_level)",
+        "conemap_quick(i, j$SIZE)",
+        "conemap_exact(i, j, conemap_first, conemap_last, conemap_level$SIZE)"};
+    static const char *const formats[CONEMAP_FORMAT_COUNT][3] = {{"r32f", "rg32f", "rgba32f"},
+                                                                 {"r16f", "rg16f", "rgba16f"},
+                                                                 {"r16", "rg16", "rgba16"},
+                                                                 {"r8", "rg8", "rgba8"}};
+    static const char *const types[2][3] = {{"float", "float2", "float4"},
+                                            {"unorm float", "unorm float2", "unorm float4"}};
+    const char *slopes = desc->map.texture.flip_dv
+                             ? ", 0.5f + conemap_gradient(i, j$SIZE).x, 0.5f - conemap_gradient(i, j$SIZE).y"
+                             : ", 0.5f + conemap_gradient(i, j$SIZE).x, 0.5f + conemap_gradient(i, j$SIZE).y";
     conemap__emitter e;
     conemap_result result;
     char *out;
-    int binding, pair;
+    int binding, wide, unorm;
     memset(&e, 0, sizeof e);
     e.text = text;
     e.capacity = capacity;
     result = conemap__resolve_kernel(&e, desc, kernel);
     if (result != CONEMAP_OK) return result;
     conemap__make_pieces(&e);
-    pair = e.flags[conemap__flag_pair];
-    binding = e.desc.binding + 1 + e.flags[conemap__flag_uses_heights];
+    wide = e.flags[conemap__flag_slopes] ? 2 : e.flags[conemap__flag_pair]; /* one channel, two, four */
+    unorm = kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm];
+    binding = e.desc.binding + e.flags[conemap__flag_uses_map] + e.flags[conemap__flag_uses_heights] +
+              e.flags[conemap__flag_uses_maxima];
     conemap__piece_set(&e, "OUT_FORMAT", 1,
-                       formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][pair]);
-    conemap__piece_set(&e, "OUT_TYPE", 1,
-                       pair ? (e.flags[conemap__flag_unorm] ? "unorm float2" : "float2")
-                       : kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm] ? "unorm float"
-                                                                                        : "float");
+                       formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][wide]);
+    conemap__piece_set(&e, "OUT_TYPE", 1, types[unorm][wide]);
     conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b',
                             e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
+    conemap__piece_set(&e, "CALL", 0, calls[kernel]);
     out = conemap__piece_new(&e, "RESULT", 0);
-    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
-    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
-    conemap__append(out, CONEMAP__PIECE_SIZE, pair ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
-    out = conemap__piece_new(&e, "RESULT_HLSL", 0);
-    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, "vec2(conemap_texel(i, j$SIZE), ");
-    conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
-    if (pair) conemap__append(out, CONEMAP__PIECE_SIZE, ")");
+    if (wide) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, "$CALL");
+    conemap__append(out, CONEMAP__PIECE_SIZE, wide == 2 ? slopes : wide ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
+    conemap__piece_set(&e, "RESULT_HLSL", 0,
+                       wide == 2 ? "vec4($RESULT)"
+                       : wide    ? "vec2(conemap_texel(i, j$SIZE), $CALL)"
+                                 : "$CALL");
     conemap__lines(&e, conemap__kernel_head, 0);
     conemap__lines(&e, conemap__kernel_head, 1);
     conemap__snippet_named(&e, functions[kernel], strlen(functions[kernel]));
+    if (wide == 2) conemap__snippet_named(&e, "conemap_gradient", strlen("conemap_gradient"));
     if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
         conemap__lines(&e, conemap__kernel_main, 1);
         conemap__lines(&e, conemap__kernel_main, 0);
@@ -8881,51 +9181,114 @@ CONEMAP__DEF conemap_result conemap_emit_kernel(const conemap_shader_desc *desc,
     return conemap__emit_kernel_once(desc, kernel, text, capacity, &needed);
 }
 
+typedef struct conemap__pass_list {
+    conemap_gpu_pass *passes; /* null: they are only counted */
+    int count, state;         /* the copy that holds the state now */
+} conemap__pass_list;
+
+static void conemap__list_pass(conemap__pass_list *list, conemap_kernel kernel, int level, int first, int last, int width,
+                               int height) {
+    conemap_gpu_pass pass;
+    memset(&pass, 0, sizeof pass);
+    pass.kernel = kernel;
+    pass.level = level;
+    pass.first = first;
+    pass.last = last;
+    pass.reads = list->state;
+    pass.writes = kernel == CONEMAP_KERNEL_STORE ? 2 : 1 - list->state;
+    if (kernel == CONEMAP_KERNEL_CELLS || kernel == CONEMAP_KERNEL_TEXELS || kernel == CONEMAP_KERNEL_MAXIMA)
+        pass.writes = 3;
+    if (pass.writes < 2) list->state = pass.writes;
+    pass.width = width;
+    pass.height = height;
+    pass.groups_x = (width + 7) / 8;
+    pass.groups_y = (height + 7) / 8;
+    if (list->passes) list->passes[list->count] = pass;
+    ++list->count;
+}
+
+/* All levels of the maxima; returns the highest. */
+static int conemap__list_maxima(conemap__pass_list *list, conemap_kernel finest, int width, int height) {
+    int top = 0, level;
+    while ((1 << top) < width || (1 << top) < height) ++top;
+    for (level = 0; level <= top; ++level)
+        conemap__list_pass(list, level == 0 ? finest : CONEMAP_KERNEL_MAXIMA, level, 0, 0, 1 << (top - level),
+                           1 << (top - level));
+    return top;
+}
+
+/* Rings first..last, of 8 r texels each. */
+static void conemap__list_rings(conemap__pass_list *list, const conemap_info *info, int last_of_all, int64_t batch) {
+    int first = 1, last;
+    for (; first <= last_of_all; first = last + 1) {
+        last = first;
+        while (last < last_of_all && 4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch) ++last;
+        conemap__list_pass(list, CONEMAP_KERNEL_RING, 0, first, last, info->width, info->height);
+    }
+}
+
+/* Blocks in as many passes as it takes: of the highest level that keeps to the batch, if need be. */
+static void conemap__list_blocks(conemap__pass_list *list, const conemap_info *info, int top, int64_t batch) {
+    int64_t copies = (info->wrap_u == CONEMAP_WRAP ? 3 : 1) * (info->wrap_v == CONEMAP_WRAP ? 3 : 1), cost;
+    int64_t first, blocks, at_once;
+    int level = top;
+    while (level > 0 && copies * (((int64_t)4 << (2 * level)) - 1) / 3 > batch) --level;
+    cost = copies * (((int64_t)4 << (2 * level)) - 1) / 3;
+    at_once = batch > cost ? batch / cost : 1;
+    blocks = (int64_t)(((info->width - 1) >> level) + 1) * (((info->height - 1) >> level) + 1);
+    for (first = 0; first < blocks; first += at_once)
+        conemap__list_pass(list, CONEMAP_KERNEL_EXACT, level, (int)first,
+                           (int)(first + at_once < blocks ? first + at_once - 1 : blocks - 1), info->width, info->height);
+}
+
+static void conemap__list_all(conemap__pass_list *list, const conemap_shader_desc *desc, int batch) {
+    const conemap_info *info = &desc->map;
+    int w = info->width, h = info->height;
+    list->count = list->state = 0;
+    if (desc->trace.tracer == CONEMAP_TRACE_MAXMIP || desc->trace.tracer == CONEMAP_TRACE_QDM) {
+        conemap__list_maxima(list, CONEMAP_KERNEL_CELLS, conemap__maxi(1, conemap__cell_count(w, info->wrap_u)),
+                             conemap__maxi(1, conemap__cell_count(h, info->wrap_v)));
+        return;
+    }
+    if (info->generator == CONEMAP_RING) { /* with wrap that is farther than the nearest image of any texel */
+        conemap__list_rings(list, info, conemap__maxi(1, conemap__maxi(w, h) - 1), batch);
+    } else {
+        int top = conemap__list_maxima(list, CONEMAP_KERNEL_TEXELS, w, h);
+        if (info->generator == CONEMAP_EXACT || info->generator == CONEMAP_GENERATE_DEFAULT) {
+            conemap__list_rings(list, info, 1, batch); /* something steep to begin with prunes most */
+            conemap__list_blocks(list, info, top, batch);
+        } else {
+            conemap__list_pass(list, CONEMAP_KERNEL_QUICK, 0, 0, 0, w, h);
+        }
+    }
+    if (info->min3x3) conemap__list_pass(list, CONEMAP_KERNEL_MIN3X3, 0, 0, 0, w, h);
+    if (info->guarantee != CONEMAP_GUARANTEE_VERTEX && info->guarantee != CONEMAP_GUARANTEE_NONE)
+        conemap__list_pass(list, CONEMAP_KERNEL_SAFE, 0, 0, 0, w, h);
+    conemap__list_pass(list, CONEMAP_KERNEL_STORE, 0, 0, 0, w, h);
+}
+
 CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch,
                                                conemap_gpu_pass *passes, int capacity, int *count) {
-    int first = 1, made = 0, write, reach, w, h;
+    conemap__pass_list list;
+    const conemap_info *info;
     if (!desc || !count) return CONEMAP_ERROR_NULL;
-    w = desc->map.width;
-    h = desc->map.height;
-    if (w < 1 || h < 1 || w > CONEMAP_MAX_SIZE || h > CONEMAP_MAX_SIZE) return CONEMAP_ERROR_SIZE;
+    info = &desc->map;
+    if (!CONEMAP__KNOWN(info->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(info->wrap_v, CONEMAP_WRAP_COUNT) ||
+        !CONEMAP__KNOWN(info->generator, CONEMAP_GENERATOR_COUNT) ||
+        !CONEMAP__KNOWN(desc->trace.tracer, CONEMAP_TRACER_COUNT))
+        return CONEMAP_ERROR_ENUM;
+    if (info->width < 1 || info->height < 1 || info->width > CONEMAP_MAX_SIZE || info->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
     if (batch < 0) return CONEMAP_ERROR_PARAMETER;
-    if (batch == 0) batch = 4096;
-    reach = conemap__maxi(1, conemap__maxi(w, h) -
-                                 1);      /* with wrap that is farther than the nearest image of any texel */
-    for (write = 0; write < 2; ++write) { /* first count them */
-        int steps;
-        if (write && (!passes || capacity < made)) break;
-        for (first = 1, steps = 0; first <= reach + 3; ++steps) {
-            conemap_gpu_pass pass;
-            int last = first;
-            memset(&pass, 0, sizeof pass);
-            while (last < reach &&
-                   (int64_t)4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch)
-                ++last;
-            pass.kernel = first <= reach       ? CONEMAP_KERNEL_RING
-                          : first == reach + 1 ? CONEMAP_KERNEL_MIN3X3
-                          : first == reach + 2 ? CONEMAP_KERNEL_SAFE
-                                               : CONEMAP_KERNEL_STORE;
-            if (pass.kernel == CONEMAP_KERNEL_RING) {
-                pass.first = first;
-                pass.last = last;
-            }
-            first = pass.kernel == CONEMAP_KERNEL_RING ? last + 1 : first + 1;
-            if ((pass.kernel == CONEMAP_KERNEL_MIN3X3 && !desc->map.min3x3) ||
-                (pass.kernel == CONEMAP_KERNEL_SAFE && desc->map.guarantee == CONEMAP_GUARANTEE_VERTEX)) {
-                --steps;
-                continue;
-            }
-            pass.reads = steps & 1;
-            pass.writes = pass.kernel == CONEMAP_KERNEL_STORE ? 2 : 1 - pass.reads;
-            pass.groups_x = (w + 7) / 8;
-            pass.groups_y = (h + 7) / 8;
-            if (write) passes[steps] = pass;
-        }
-        made = steps;
-    }
-    *count = made;
-    return passes && capacity < made ? CONEMAP_ERROR_BUFFER : CONEMAP_OK;
+    if (info->generator > CONEMAP_QUICK_CENTER || info->texture.sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
+    list.passes = NULL;
+    conemap__list_all(&list, desc, batch ? batch : 4096);
+    *count = list.count;
+    if (!passes) return CONEMAP_OK;
+    if (capacity < list.count) return CONEMAP_ERROR_BUFFER;
+    list.passes = passes;
+    conemap__list_all(&list, desc, batch ? batch : 4096);
+    return CONEMAP_OK;
 }
 
 /* How many levels a square of 2^n has that holds all cells. */

@@ -1,5 +1,6 @@
 /* Prints a shader:  emit --dialect hlsl50 --tracer exact > trace.hlsl     (--help lists the options)
-   or frusta's:       emit --frusta relief --stage fragment > frusta.frag */
+   or frusta's:       emit --frusta relief --stage fragment > frusta.frag
+   With --kernel one of those that make cone maps on the GPU. */
 #define CONEMAP_IMPLEMENTATION
 #include "../conemap.h"
 #include <stdio.h>
@@ -18,6 +19,10 @@ static const char *const wraps[] = {"clamp", "wrap", "nothing", NULL};
 static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
 static const char *const guarantees[] = {"default",          "none", "vertex", "bilinear", "relaxed",
                                          "relaxed-bilinear", NULL};
+static const char *const kernels[] = {"none",  "ring",   "min3x3", "safe",  "store", "cells",
+                                      "texels", "maxima", "quick",  "exact", NULL};
+static const char *const generators[] = {"default", "exact", "ring", "quick-naive", "quick", "quick-naive-center",
+                                         "quick-center", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
 static const char *const frusta_kinds[] = {"no", "plain", "relief", NULL};
 static const char *const sources[] = {"default", "buffer", "uniforms", "texture", "texels", NULL};
@@ -43,12 +48,18 @@ static void help(const struct option *options) {
     }
 }
 
+/* Words of kernels count from 1. */
+static conemap_result emit(const conemap_shader_desc *desc, int kernel, char *text, size_t capacity, size_t *size) {
+    if (kernel == 0) return conemap_emit(desc, text, capacity, size);
+    return conemap_emit_kernel(desc, (conemap_kernel)(kernel - 1), text, capacity, size);
+}
+
 int main(int argument_count, char **arguments) {
     conemap_shader_desc desc = {0};
     conemap_frusta_shader_desc frusta = {0};
     int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
         wrap_v = 0;
-    int filter = 0, guarantee = 0, precision = 0, kind = 0, source = 0, march = 0, k, m;
+    int filter = 0, guarantee = 0, precision = 0, kernel = 0, generator = 0, kind = 0, source = 0, march = 0, k, m;
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
         {"--stage", stages, &stage, NULL, NULL, ""},
@@ -64,7 +75,10 @@ int main(int argument_count, char **arguments) {
         {"--encoding", encodings, &encoding, NULL, NULL, ""},
         {"--layout", layouts, &layout, NULL, NULL, ""},
         {"--per-cell", NULL, &desc.map.texture.per_cell, NULL, NULL, "1: a cone for each cell"},
+        {"--sectors", NULL, &desc.map.texture.sectors, NULL, NULL, "4 or 8: cones by direction"},
         {"--guarantee", guarantees, &guarantee, NULL, NULL, ""},
+        {"--kernel", kernels, &kernel, NULL, NULL, ": of the GPU's generation, instead of a tracer"},
+        {"--generator", generators, &generator, NULL, NULL, ": which of the quick ones a kernel is for"},
         {"--wrap-u", wraps, &wrap_u, NULL, NULL, ""},
         {"--wrap-v", wraps, &wrap_v, NULL, NULL, ""},
         {"--aspect", NULL, NULL, &desc.map.aspect, NULL, "as in the map's desc"},
@@ -86,10 +100,12 @@ int main(int argument_count, char **arguments) {
         {"--sampler-binding", NULL, &desc.sampler_binding, NULL, NULL, "HLSL"},
         {"--prefix", NULL, NULL, NULL, &desc.prefix, "of all names"},
         {"--map-name", NULL, NULL, NULL, &desc.map_name, "texture"},
+        {"--octants-name", NULL, NULL, NULL, &desc.octants_name, "texture, with 8 sectors"},
         {"--heights-name", NULL, NULL, NULL, &desc.heights_name, "texture"},
         {"--maxima-name", NULL, NULL, NULL, &desc.maxima_name, "texture"},
         {"--sampler-name", NULL, NULL, NULL, &desc.sampler_name, "HLSL"},
         {"--fetch", NULL, NULL, NULL, &desc.fetch, "a function of the host that reads texels"},
+        {"--fetch-cones", NULL, NULL, NULL, &desc.fetch_cones, "the same for cones of sectors"},
         {"--fetch-maxima", NULL, NULL, NULL, &desc.fetch_maxima, "the same for maxima"},
         {"--frusta", frusta_kinds, &kind, NULL, NULL, ": stages functions, vertex, fragment; a map wraps in u"},
         {"--source", sources, &source, NULL, NULL, ": what the frusta are read from"},
@@ -171,12 +187,13 @@ int main(int argument_count, char **arguments) {
     frusta.sampler_name = desc.sampler_name;
     frusta.fetch = desc.fetch;
     if (kind == 2 && wrap_u == 0) frusta.map.wrap_u = CONEMAP_WRAP;
-    result = kind ? conemap_emit_frusta(&frusta, NULL, 0, &size) : conemap_emit(&desc, NULL, 0, &size);
+    desc.map.generator = (conemap_generator)generator;
+    result = kind ? conemap_emit_frusta(&frusta, NULL, 0, &size) : emit(&desc, kernel, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
     if (result == CONEMAP_OK)
         result = !text ? CONEMAP_ERROR_MEMORY
                  : kind ? conemap_emit_frusta(&frusta, text, size, NULL)
-                        : conemap_emit(&desc, text, size, NULL);
+                        : emit(&desc, kernel, text, size, NULL);
     if (result != CONEMAP_OK) {
         fprintf(stderr, "emit: %s\n", conemap_result_string(result));
         return 1;

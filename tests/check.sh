@@ -385,6 +385,31 @@ case "frusta shaders in HLSL" in
     fi
     ;;
 esac
+# HLSL run: Microsoft's compiler that writes SPIR-V (a large package), or glslang's.
+spirv_dll() {
+    HLSL_DLLS=${HLSL_DLLS:-$PWD/$work/dlls}
+    export HLSL_DLLS
+    [ -f "$HLSL_DLLS/msdxc_spirv.dll" ] && return 0
+    have npm || return 1
+    mkdir -p "$HLSL_DLLS"
+    (
+        cd "$HLSL_DLLS" || exit 1
+        timeout 300 npm pack --silent onnxruntime-node@1.30.0 >/dev/null 2>&1 &&
+            tar xzf onnxruntime-node-1.30.0.tgz --strip-components=5 package/bin/napi-v6/win32/x64/dxcompiler.dll &&
+            mv dxcompiler.dll msdxc_spirv.dll
+        rm -f ./*.tgz
+        [ -f msdxc_spirv.dll ]
+    )
+}
+hlsl_run() {
+    if have x86_64-w64-mingw32-gcc && { have wine64 || [ -x /usr/lib/wine/wine64 ]; } && spirv_dll; then echo "through Microsoft's compiler"; fi
+    shaders hlslrun
+}
+if echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
+    need "shaders in HLSL, run" gcc spirv-cross glslangValidator && part "shaders in HLSL, run" hlsl_run
+else
+    skip "shaders in HLSL, run" "EGL headers"
+fi
 software_gpu() {
     gcc -std=c99 -O2 -I. tests/gpu/gl.c -o "$dir/gl" -lEGL -lm || return 1
     EGL_PLATFORM=surfaceless "$dir/gl" || return 1

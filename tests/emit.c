@@ -35,6 +35,14 @@ static struct {
     }
 #define FETCH_HEIGHTS(p)                                                                                          \
     float p##_fetch(int i, int j) { return INSIDE(i, j) ? bound.map->heights[TEXEL(i, j)] : 0.0f; }
+#define FETCH_SECTORS(p)                                                                                          \
+    FETCH_HEIGHTS(p)                                                                                              \
+    float p##_cones(int i, int j, int sector)                                                                     \
+    {                                                                                                             \
+        size_t plane = (size_t)bound.map->info.width * (size_t)bound.map->info.height * (size_t)sector;           \
+        CHECK(sector >= 0 && sector < bound.map->info.texture.sectors, "sector %d", sector);                      \
+        return INSIDE(i, j) ? bound.map->cones[plane + TEXEL(i, j)] : 0.0f;                                       \
+    }
 #define FETCH_MAXIMA(p)                                                                                           \
     float p##_maxima(int i, int j, int level)                                                                     \
     {                                                                                                             \
@@ -72,6 +80,8 @@ static struct {
 #include "golden/cellmax_c.h"
 #include "golden/maxmip_c.h"
 #include "golden/qdm_c.h"
+#include "golden/quadrant_c.h"
+#include "golden/octant_c.h"
 
 FETCH_CONES(exact)
 FETCH_CONES(back)
@@ -82,6 +92,8 @@ FETCH_CONES(step)
 FETCH_CONES(cellmax)
 FETCH_HEIGHTS(maxmip)
 FETCH_HEIGHTS(qdm)
+FETCH_SECTORS(quadrant)
+FETCH_SECTORS(octant)
 FETCH_MAXIMA(maxmip)
 FETCH_MAXIMA(qdm)
 
@@ -91,11 +103,19 @@ FETCH_MAXIMA(qdm)
 #include "golden/kernel_min_c.h"
 #include "golden/kernel_safe_c.h"
 #include "golden/kernel_store_c.h"
+#include "golden/kernel_cells_c.h"
+#include "golden/kernel_texels_c.h"
+#include "golden/kernel_maxima_c.h"
+#include "golden/kernel_quick_c.h"
+#include "golden/kernel_center_c.h"
+#include "golden/kernel_exact_c.h"
 
 static struct {
     int width, height;
     const float *heights;
-    float *state; /* the copy that is read */
+    float *state;      /* the copy that is read */
+    float maxima[7][64 * 64];
+    int top;           /* the level of one block */
 } grid;
 
 static float grid_height(int i, int j)
@@ -112,6 +132,25 @@ static float grid_state(int i, int j)
                : 0.0f;
 }
 
+static float grid_maximum(int i, int j, int level)
+{
+    const int side = 1 << (grid.top - level);
+    return CHECK(level >= 0 && level <= grid.top && i >= 0 && j >= 0 && i < side && j < side, "maxima %d %d %d", i, j,
+                 level)
+               ? grid.maxima[level][j * side + i]
+               : 0.0f;
+}
+
+float kcells_fetch(int i, int j) { return grid_height(i, j); }
+float ktexels_fetch(int i, int j) { return grid_height(i, j); }
+float kquick_fetch(int i, int j) { return grid_height(i, j); }
+float kcenter_fetch(int i, int j) { return grid_height(i, j); }
+float kexact_fetch(int i, int j) { return grid_height(i, j); }
+float kexact_state(int i, int j) { return grid_state(i, j); }
+float kmaxima_maxima(int i, int j, int level) { return grid_maximum(i, j, level); }
+float kquick_maxima(int i, int j, int level) { return grid_maximum(i, j, level); }
+float kcenter_maxima(int i, int j, int level) { return grid_maximum(i, j, level); }
+float kexact_maxima(int i, int j, int level) { return grid_maximum(i, j, level); }
 float kring_fetch(int i, int j) { return grid_height(i, j); }
 float ksafe_fetch(int i, int j) { return grid_height(i, j); }
 float ksafe_state(int i, int j) { return grid_state(i, j); }
@@ -130,6 +169,8 @@ RUN(step)
 RUN(cellmax)
 RUN(maxmip)
 RUN(qdm)
+RUN(quadrant)
+RUN(octant)
 #undef EXTRA
 
 struct golden {
@@ -140,13 +181,13 @@ struct golden {
     int kernel; /* -1: a tracer */
 };
 
-static struct golden goldens[16];
+static struct golden goldens[32];
 static int golden_count;
 
 static conemap_shader_desc *golden_new(const char *file, const char *prefix, conemap_tracer tracer,
                                        struct shader_hit (*run)(const conemap_ray *ray))
 {
-    static char names[16][2][32];
+    static char names[32][3][32];
     struct golden *g = &goldens[golden_count];
     memset(g, 0, sizeof *g);
     g->file = file;
@@ -158,6 +199,8 @@ static conemap_shader_desc *golden_new(const char *file, const char *prefix, con
         snprintf(names[golden_count][1], 32, "%s_maxima", prefix);
         g->desc.dialect = CONEMAP_C99;
         g->desc.prefix = prefix;
+        snprintf(names[golden_count][2], 32, "%s_cones", prefix);
+        g->desc.fetch_cones = names[golden_count][2];
         g->desc.fetch = names[golden_count][0];
         if (tracer == CONEMAP_TRACE_MAXMIP || tracer == CONEMAP_TRACE_QDM)
             g->desc.fetch_maxima = names[golden_count][1];
@@ -195,6 +238,14 @@ static void golden_table(void)
     d = golden_new("maxmip_c.h", "maxmip", CONEMAP_TRACE_MAXMIP, maxmip_run);
     d = golden_new("qdm_c.h", "qdm", CONEMAP_TRACE_QDM, qdm_run);
     d->map.wrap_v = CONEMAP_WRAP;
+    d = golden_new("quadrant_c.h", "quadrant", CONEMAP_TRACE_EXACT, quadrant_run);
+    d->map.texture.sectors = 4;
+    d->map.texture.per_cell = 1;
+    d->map.aspect = 0.5f;
+    d = golden_new("octant_c.h", "octant", CONEMAP_TRACE_EXACT, octant_run);
+    d->map.texture.sectors = 8;
+    d->map.texture.encoding = CONEMAP_RADIUS;
+    d->map.wrap_u = CONEMAP_WRAP;
     d = golden_new("exact.frag", NULL, CONEMAP_TRACE_EXACT, NULL);
     d->stage = CONEMAP_STAGE_FRAGMENT;
     d = golden_new("maxmip.hlsl", NULL, CONEMAP_TRACE_MAXMIP, NULL);
@@ -202,17 +253,33 @@ static void golden_table(void)
     d->dialect = CONEMAP_HLSL_50;
     d->map.wrap_u = CONEMAP_WRAP;
     d->array = 1;
-    for (k = 0; k < 4; ++k) {
-        static const char *const kernels[4][4] = {{"kernel_ring_c.h", "kring", "kring_fetch", "kring_state"},
-                                                  {"kernel_min_c.h", "kmin", "kmin_fetch", "kmin_state"},
-                                                  {"kernel_safe_c.h", "ksafe", "ksafe_fetch", "ksafe_state"},
-                                                  {"kernel_store_c.h", "kstore", "kstore_fetch", "kstore_state"}};
-        d = golden_new(kernels[k][0], NULL, CONEMAP_TRACE_DEFAULT, NULL);
-        goldens[golden_count - 1].kernel = k;
+    for (k = 0; k < 10; ++k) {
+        static const struct {
+            const char *file, *prefix;
+            conemap_kernel kernel;
+            conemap_generator generator;
+        } kernels[10] = {{"kernel_ring_c.h", "kring", CONEMAP_KERNEL_RING, CONEMAP_RING},
+                         {"kernel_min_c.h", "kmin", CONEMAP_KERNEL_MIN3X3, CONEMAP_RING},
+                         {"kernel_safe_c.h", "ksafe", CONEMAP_KERNEL_SAFE, CONEMAP_RING},
+                         {"kernel_store_c.h", "kstore", CONEMAP_KERNEL_STORE, CONEMAP_RING},
+                         {"kernel_cells_c.h", "kcells", CONEMAP_KERNEL_CELLS, CONEMAP_RING},
+                         {"kernel_texels_c.h", "ktexels", CONEMAP_KERNEL_TEXELS, CONEMAP_RING},
+                         {"kernel_maxima_c.h", "kmaxima", CONEMAP_KERNEL_MAXIMA, CONEMAP_RING},
+                         {"kernel_quick_c.h", "kquick", CONEMAP_KERNEL_QUICK, CONEMAP_QUICK},
+                         {"kernel_center_c.h", "kcenter", CONEMAP_KERNEL_QUICK, CONEMAP_QUICK_NAIVE_CENTER},
+                         {"kernel_exact_c.h", "kexact", CONEMAP_KERNEL_EXACT, CONEMAP_EXACT}};
+        static char names[10][3][32];
+        d = golden_new(kernels[k].file, NULL, CONEMAP_TRACE_DEFAULT, NULL);
+        goldens[golden_count - 1].kernel = (int)kernels[k].kernel;
+        snprintf(names[k][0], 32, "%s_fetch", kernels[k].prefix);
+        snprintf(names[k][1], 32, "%s_state", kernels[k].prefix);
+        snprintf(names[k][2], 32, "%s_maxima", kernels[k].prefix);
         d->dialect = CONEMAP_C99;
-        d->prefix = kernels[k][1];
-        d->fetch = kernels[k][2];
-        d->fetch_maxima = kernels[k][3];
+        d->prefix = kernels[k].prefix;
+        d->fetch = names[k][0];
+        d->fetch_cones = names[k][1];
+        d->fetch_maxima = names[k][2];
+        d->map.generator = kernels[k].generator;
         d->map.wrap_v = CONEMAP_WRAP;
         d->map.aspect = 0.75f;
         d->map.texture.format = CONEMAP_UNORM16;
@@ -354,23 +421,79 @@ static void runs_as_c(void)
     test_note("%d rays in emitted C, %d on edges", all.rays, all.different);
 }
 
-/* The passes, each texel in turn: vertex cones against the CPU's ring search, never wider and narrower by rounding only;
-   those made safe against the verifier, which proves them. */
+/* One texel of what a pass writes. */
+static float kernel_texel(const conemap_gpu_pass *pass, conemap_generator generator, int i, int j)
+{
+    const int w = grid.width, h = grid.height;
+    kring_ivec2 ring = {w, h};
+    kmin_ivec2 least = {w, h};
+    ksafe_ivec2 safe = {w, h};
+    kstore_ivec2 store = {w, h};
+    kcells_ivec2 cells = {w, h};
+    ktexels_ivec2 texels = {w, h};
+    kquick_ivec2 quick = {w, h};
+    kcenter_ivec2 center = {w, h};
+    kexact_ivec2 exact = {w, h};
+    switch (pass->kernel) {
+    case CONEMAP_KERNEL_RING: return kring_ring(i, j, pass->first, pass->last, ring);
+    case CONEMAP_KERNEL_MIN3X3: return kmin_steepest(i, j, least);
+    case CONEMAP_KERNEL_SAFE: return ksafe_safe(i, j, safe);
+    case CONEMAP_KERNEL_CELLS: return kcells_highest(i, j, cells);
+    case CONEMAP_KERNEL_TEXELS: return ktexels_padded(i, j, texels);
+    case CONEMAP_KERNEL_MAXIMA: return kmaxima_four(i, j, pass->level);
+    case CONEMAP_KERNEL_QUICK:
+        return generator == CONEMAP_QUICK ? kquick_quick(i, j, quick) : kcenter_quick(i, j, center);
+    case CONEMAP_KERNEL_EXACT: return kexact_exact(i, j, pass->first, pass->last, pass->level, exact);
+    default: return kstore_stored(i, j, store);
+    }
+}
+
+/* Runs all passes; the cones, if there are any, come out last. */
+static void kernel_passes(const conemap_shader_desc *shader, int batch, float *cones)
+{
+    static float states[2][24 * 31];
+    conemap_gpu_pass passes[256];
+    int count = 0, k, i, j;
+    CHECK(conemap_gpu_passes(shader, batch, NULL, 0, &count) == CONEMAP_OK && count >= 2 && count <= 256, "%d passes",
+          count);
+    passes[count - 1].kernel = CONEMAP_KERNEL_COUNT;
+    CHECK(conemap_gpu_passes(shader, batch, passes, count - 1, &count) == CONEMAP_ERROR_BUFFER &&
+              passes[count - 1].kernel == CONEMAP_KERNEL_COUNT,
+          "too few passes");
+    if (!CHECK(conemap_gpu_passes(shader, batch, passes, 256, &count) == CONEMAP_OK, "passes")) return;
+    memset(states, 0, sizeof states);
+    for (k = 0; k < count; ++k) {
+        const conemap_gpu_pass *pass = &passes[k];
+        float *out = pass->writes == 2 ? cones : pass->writes == 3 ? grid.maxima[pass->level] : states[pass->writes];
+        CHECK(pass->reads != pass->writes && (pass->writes == 3 || (pass->writes == 2) == (k == count - 1)), "pass %d", k);
+        CHECK(pass->groups_x * 8 >= pass->width && pass->groups_y * 8 >= pass->height, "pass %d: groups", k);
+        if (pass->writes == 3 && pass->level == 0)
+            for (grid.top = 0; 1 << grid.top < pass->width;) ++grid.top;
+        grid.state = states[pass->reads];
+        for (j = 0; j < pass->height; ++j)
+            for (i = 0; i < pass->width; ++i)
+                out[j * pass->width + i] = kernel_texel(pass, shader->map.generator, i, j);
+    }
+}
+
+/* The passes, each texel in turn: cones against the CPU's of the same generator, never wider and narrower by rounding
+   only; those made safe against the verifier, which proves them; and the maxima against those that the CPU writes. */
 static void kernels_as_c(void)
 {
     static const int sizes[][2] = {{1, 1}, {1, 7}, {2, 2}, {17, 13}, {24, 31}};
-    static float heights[24 * 31], states[2][24 * 31], cones[24 * 31];
-    int kind, size, min3x3, k, i, j, compared = 0, safe, unsafe = 0;
+    static const conemap_generator generators[] = {CONEMAP_RING, CONEMAP_RING,  CONEMAP_RING,
+                                                   CONEMAP_EXACT, CONEMAP_QUICK, CONEMAP_QUICK_NAIVE_CENTER};
+    static float heights[24 * 31], cones[24 * 31];
+    int kind, size, mode, k, compared = 0, unsafe = 0, levels = 0;
     double aperture = 0.0, safe_aperture = 0.0;
-    for (min3x3 = 0; min3x3 < 3; ++min3x3)
+    for (mode = 0; mode < 6; ++mode)
         for (kind = 0; kind < ZOO_KINDS; ++kind)
             for (size = 0; size < (int)(sizeof sizes / sizeof sizes[0]); ++size) {
                 const int w = sizes[size][0], h = sizes[size][1], batch = size == 3 ? 1 : size == 4 ? 300 : 0;
+                const int safe = mode == 2;
                 conemap_desc desc;
                 conemap_shader_desc shader;
                 conemap_map map;
-                conemap_gpu_pass passes[64];
-                int count = 0;
                 memset(&desc, 0, sizeof desc);
                 memset(&shader, 0, sizeof shader);
                 zoo_fill(kind, w, h, 31, heights);
@@ -379,46 +502,20 @@ static void kernels_as_c(void)
                 desc.heights.height = h;
                 desc.wrap_v = CONEMAP_WRAP;
                 desc.aspect = 0.75f;
-                desc.generator = CONEMAP_RING;
-                desc.min3x3 = min3x3 == 1;
-                safe = min3x3 == 2;
+                desc.generator = generators[mode];
+                if (desc.generator == CONEMAP_EXACT) desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+                desc.min3x3 = mode == 1;
+                desc.keep_pyramid = 1;
                 desc.texture.format = CONEMAP_UNORM16;
                 desc.texture.encoding = CONEMAP_RADIUS;
                 if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s", zoo_name(kind))) return;
                 shader.map = map.info;
                 if (safe) shader.map.guarantee = CONEMAP_GUARANTEE_BILINEAR;
-                CHECK(conemap_gpu_passes(&shader, batch, NULL, 0, &count) == CONEMAP_OK &&
-                          count >= 2 + (min3x3 > 0) && count <= 64,
-                      "%d passes", count);
-                passes[count - 1].kernel = CONEMAP_KERNEL_COUNT;
-                CHECK(conemap_gpu_passes(&shader, batch, passes, count - 1, &count) == CONEMAP_ERROR_BUFFER &&
-                          passes[count - 1].kernel == CONEMAP_KERNEL_COUNT,
-                      "too few passes");
-                if (!CHECK(conemap_gpu_passes(&shader, batch, passes, 64, &count) == CONEMAP_OK, "passes")) return;
                 grid.width = w;
                 grid.height = h;
                 grid.heights = map.heights;
-                memset(states, 0, sizeof states);
-                for (k = 0; k < count; ++k) {
-                    float *out = passes[k].writes == 2 ? cones : states[passes[k].writes];
-                    CHECK(passes[k].reads != passes[k].writes && (passes[k].writes == 2) == (k == count - 1),
-                          "pass %d", k);
-                    CHECK(passes[k].groups_x * 8 >= w && passes[k].groups_y * 8 >= h, "pass %d: groups", k);
-                    grid.state = states[passes[k].reads];
-                    for (j = 0; j < h; ++j)
-                        for (i = 0; i < w; ++i) {
-                            kring_ivec2 a = {w, h};
-                            kmin_ivec2 b = {w, h};
-                            ksafe_ivec2 s = {w, h};
-                            kstore_ivec2 c = {w, h};
-                            out[j * w + i] = passes[k].kernel == CONEMAP_KERNEL_RING
-                                                 ? kring_ring(i, j, passes[k].first, passes[k].last, a)
-                                             : passes[k].kernel == CONEMAP_KERNEL_MIN3X3 ? kmin_steepest(i, j, b)
-                                             : passes[k].kernel == CONEMAP_KERNEL_SAFE   ? ksafe_safe(i, j, s)
-                                                                                         : kstore_stored(i, j, c);
-                        }
-                }
-                if (min3x3 == 1) { /* what the verifier is there for: the correction of [BV24] is not enough */
+                kernel_passes(&shader, batch, cones);
+                if (mode == 1) { /* what the verifier is there for: the correction of [BV24] is not enough */
                     conemap_report report;
                     if (conemap_verify(&map.info, map.heights, cones, NULL, &report) == CONEMAP_OK)
                         unsafe += (int)report.unsafe;
@@ -438,14 +535,26 @@ static void kernels_as_c(void)
                 for (k = 0; k < w * h && !safe; ++k) {
                     const float right = map.cones[k];
                     CHECK(cones[k] <= right && cones[k] >= right - 2.0f / 65535.0f,
-                          "%s %dx%d min %d texel %d: %.9g, right %.9g", zoo_name(kind), w, h, min3x3, k,
+                          "%s %dx%d mode %d texel %d: %.9g, right %.9g", zoo_name(kind), w, h, mode, k,
                           (double)cones[k], (double)right);
                     ++compared;
+                }
+                shader.trace.tracer = CONEMAP_TRACE_MAXMIP;
+                kernel_passes(&shader, batch, NULL);
+                CHECK(grid.top + 1 == conemap_maxima_levels(&map), "levels");
+                for (k = 0; k <= grid.top; ++k) {
+                    static float right[64 * 64];
+                    const size_t bytes = sizeof(float) << (2 * (grid.top - k));
+                    CHECK(conemap_write_maxima(&map, k, right, bytes) == CONEMAP_OK &&
+                              memcmp(right, grid.maxima[k], bytes) == 0,
+                          "%s %dx%d: maxima differ at level %d", zoo_name(kind), w, h, k);
+                    ++levels;
                 }
                 conemap_free(&map);
             }
     CHECK(unsafe > 0, "3x3 minima pass as safe");
-    test_note("%d cones by kernels; made safe they keep %.0f %%", compared, 100.0 * safe_aperture / aperture);
+    test_note("%d cones by kernels, %d levels of maxima; made safe they keep %.0f %%", compared, levels,
+              100.0 * safe_aperture / aperture);
 }
 
 static void bad_kernels(void)
@@ -459,20 +568,46 @@ static void bad_kernels(void)
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, NULL) == CONEMAP_ERROR_NULL,
           "nothing to write to");
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_COUNT, NULL, 0, &size) == CONEMAP_ERROR_ENUM, "kernel");
+    d.map.texture.sectors = 4;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "sectors");
+    d.map.texture.sectors = 0;
     d.stage = CONEMAP_STAGE_COMPUTE;
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
           "compute in GLSL 330");
     d.dialect = CONEMAP_ESSL_310;
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
           "two channels in ES");
-    d.stage = CONEMAP_STAGE_FRAGMENT;
     d.map.texture.layout = CONEMAP_DUMMER;
-    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "slopes");
+    d.map.texture.format = CONEMAP_UNORM16;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
+          "16-bit images in ES");
+    d.map.texture.format = CONEMAP_F32;
+    d.stage = CONEMAP_STAGE_FUNCTIONS;
+    d.fetch = "heights_of_mine";
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_EXACT, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "no state");
+    d.fetch_cones = "state_of_mine";
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_EXACT, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "no maxima");
+    d.fetch = NULL;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_RING, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "no heights");
+    d.fetch_cones = NULL;
     CHECK(size == 5, "a size was written");
     CHECK(conemap_gpu_passes(NULL, 0, &pass, 1, &count) == CONEMAP_ERROR_NULL, "null desc");
     CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_SIZE, "no size");
     d.map.width = d.map.height = 4;
     CHECK(conemap_gpu_passes(&d, -1, &pass, 1, &count) == CONEMAP_ERROR_PARAMETER && count == 7, "batch");
+    d.map.generator = CONEMAP_RELAXED;
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_UNSUPPORTED && count == 7, "relaxed");
+    d.map.generator = CONEMAP_GENERATOR_COUNT;
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_ENUM, "generator");
+    d.map.generator = CONEMAP_EXACT;
+    d.trace.tracer = (conemap_tracer)-1;
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_ENUM, "tracer");
+    d.trace.tracer = CONEMAP_TRACE_DEFAULT;
+    d.map.wrap_u = CONEMAP_WRAP_COUNT;
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_ENUM, "wrap");
+    d.map.wrap_u = CONEMAP_CLAMP;
+    d.map.texture.sectors = 4;
+    CHECK(conemap_gpu_passes(&d, 0, &pass, 1, &count) == CONEMAP_ERROR_UNSUPPORTED, "sectors");
 }
 
 /* ---- what is refused, and sizes ---- */
@@ -493,6 +628,8 @@ static void bad_input(void)
         {21, CONEMAP_ERROR_UNSUPPORTED}, {22, CONEMAP_ERROR_UNSUPPORTED}, {23, CONEMAP_ERROR_UNSUPPORTED},
         {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},
         {27, CONEMAP_ERROR_PARAMETER},   {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
+        {30, CONEMAP_ERROR_PARAMETER},   {31, CONEMAP_ERROR_PARAMETER},   {32, CONEMAP_ERROR_PARAMETER},
+        {33, CONEMAP_ERROR_UNSUPPORTED},
     };
     static const char long_name[] =
         "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
@@ -522,7 +659,11 @@ static void bad_input(void)
         case 15: d.stage = CONEMAP_STAGE_COMPUTE; break;
         case 16: d.filter = CONEMAP_FILTER_HARDWARE; break;
         case 17: d.filter = CONEMAP_FILTER_GATHER; break;
-        case 18: d.sectors = 4; break;
+        case 18: /* no fetch_cones */
+            d.dialect = CONEMAP_C99;
+            d.fetch = "given";
+            d.map.texture.sectors = 4;
+            break;
         case 19: d.flags = 1; break;
         case 20: d.dialect = CONEMAP_C99; break;
         case 21: d.set = 1; break;
@@ -533,7 +674,11 @@ static void bad_input(void)
         case 26: d.map_name = "gl_map"; break;
         case 27: d.prefix = "a__b"; break;
         case 28: d.map_name = ""; break;
-        default: d.trace.step_scale = INFINITY; break;
+        case 29: d.trace.step_scale = INFINITY; break;
+        case 30: d.map.texture.sectors = 2; break;
+        case 31: d.fetch_cones = "a b"; break;
+        case 32: d.octants_name = d.heights_name = "one"; break;
+        default: d.map.texture.sectors = 8, d.map.texture.layout = CONEMAP_DUMMER; break;
         }
         result = conemap_emit(&d, text, sizeof text, &size);
         CHECK(result == cases[k].result, "case %d: %s", cases[k].what, conemap_result_string(result));
@@ -660,7 +805,7 @@ static void texts(void)
         for (stage = 0; stage < CONEMAP_STAGE_COUNT; ++stage)
             for (tracer = 1; tracer < CONEMAP_TRACER_COUNT; ++tracer)
                 for (refinement = 0; refinement < CONEMAP_REFINEMENT_COUNT; ++refinement)
-                    for (option = 0; option < 12; ++option) {
+                    for (option = 0; option < 16; ++option) {
                         conemap_shader_desc d;
                         size_t size = 0;
                         char what[80], *text;
@@ -682,6 +827,12 @@ static void texts(void)
                         if (option == 11)
                             d.map.texture.encoding = CONEMAP_RADIUS, d.run_time_cap = 1,
                             d.trace.adaptive_steps = 1;
+                        if (option == 12) d.map.texture.sectors = 4;
+                        if (option == 13) d.map.texture.sectors = 8, d.array = 1;
+                        if (option == 14) d.map.texture.sectors = 8, d.filter = CONEMAP_FILTER_HARDWARE;
+                        if (option == 15)
+                            d.map.texture.sectors = 4, d.map.texture.per_cell = 1,
+                            d.filter = CONEMAP_FILTER_GATHER;
                         if (conemap_emit(&d, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED) continue;
                         text = emit(&d);
                         if (!text) return;

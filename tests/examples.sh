@@ -36,6 +36,9 @@ grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
 works build/emit --frusta relief --stage fragment
 grep -q gl_FragDepth "$dir/stdout" || say "emit prints no shader for frusta"
 refuses build/emit --stage vertex
+works build/emit --kernel quick --generator quick-center --dialect glsl430 --stage compute
+grep -q conemap_quick "$dir/stdout" || say "emit prints no kernel"
+refuses build/emit --kernel relaxed
 refuses build/emit --dialect cobol
 refuses build/emit --tracer
 refuses build/emit --stage compute

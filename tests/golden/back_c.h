@@ -86,10 +86,9 @@ static float back_mix(back_vec4 h, float x, float y) {
 static float back_patch_hit(back_vec4 h, float x, float y, float c, back_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrtf(fmaxf(d, 0.0f)));
-    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;
-    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;
-    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;
+    float d = b * b - 4.0f * a * c, root = sqrtf(fmaxf(d, 0.0f));
+    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;
+    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;
 }
 
 // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
@@ -119,8 +118,7 @@ static back_hit back_trace(back_vec3 origin, back_vec3 direction, back_ivec2 siz
         float height = back_mix(heights, x, y);
         float cone = back_mix(back_make_vec4(a.y, b.y, c.y, d.y), x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
-        float gap = z - height, closing = speed - cone * cone * v.z;
-        hit = back_patch_hit(heights, x, y, gap, v, fminf(leave, left));
+        hit = back_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through it
             walked = t;
             dt = -flown;
@@ -128,7 +126,8 @@ static back_hit back_trace(back_vec3 origin, back_vec3 direction, back_ivec2 siz
             hit = -1.0f;
             continue;
         }
-        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        float closing = speed - cone * cone * v.z;
         dt = gap <= 0.0f || v.z >= 0.0f || t < walked ? 0.0f : closing > 0.0f ? cone * cone * gap / closing : 1e30f;
         flown = dt > leave ? dt : 0.0f;
         dt = fmaxf(dt, leave);

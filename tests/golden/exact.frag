@@ -33,10 +33,9 @@ float conemap_mix(vec4 h, float x, float y) {
 float conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0 * a * c, q = -0.5 * (b + (b < 0.0 ? -1.0 : 1.0) * sqrt(max(d, 0.0)));
-    float first = q != 0.0 ? c / q : -1.0, second = a != 0.0 ? q / a : -1.0;
-    if (first < 0.0 || (second >= 0.0 && second < first)) first = second;
-    return c <= 0.0 ? 0.0 : d >= 0.0 && first <= end ? first : -1.0;
+    float d = b * b - 4.0 * a * c, root = sqrt(max(d, 0.0));
+    float hit = b < 0.0 ? 2.0 * c / (root - b) : a < 0.0 ? -0.5 * (root + b) / a : -1.0;
+    return c <= 0.0 ? 0.0 : d >= 0.0 && hit <= end ? hit : -1.0;
 }
 
 // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
@@ -60,9 +59,9 @@ conemap_hit conemap_trace(vec3 origin, vec3 direction) {
         float height = conemap_mix(heights, x, y);
         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);
         float leave = min((1.000001 - x) / v.x, (1.000001 - y) / v.y), left = range.y - t; // just over the border
-        float gap = z - height, closing = speed - cone * v.z;
-        hit = conemap_patch_hit(heights, x, y, gap, v, min(leave, left));
-        gap -= 1.0 / 1048576.0; // the apex is raised by more than its rounding
+        hit = conemap_patch_hit(heights, x, y, z - height, v, min(leave, left));
+        float gap = z - height - 1.0 / 1048576.0; // the apex is raised by more than its rounding
+        float closing = speed - cone * v.z;
         dt = max(leave, gap <= 0.0 ? 0.0 : closing > 0.0 ? cone * gap / closing : 1e30);
         done = hit >= 0.0 || dt >= left;
     }

@@ -82,10 +82,9 @@ static float exact_mix(exact_vec4 h, float x, float y) {
 static float exact_patch_hit(exact_vec4 h, float x, float y, float c, exact_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrtf(fmaxf(d, 0.0f)));
-    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;
-    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;
-    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;
+    float d = b * b - 4.0f * a * c, root = sqrtf(fmaxf(d, 0.0f));
+    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;
+    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;
 }
 
 // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
@@ -109,9 +108,9 @@ static exact_hit exact_trace(exact_vec3 origin, exact_vec3 direction, exact_ivec
         float height = exact_mix(heights, x, y);
         float cone = exact_mix(exact_make_vec4(a.y, b.y, c.y, d.y), x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
-        float gap = z - height, closing = speed - cone * v.z;
-        hit = exact_patch_hit(heights, x, y, gap, v, fminf(leave, left));
-        gap -= 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        hit = exact_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
+        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        float closing = speed - cone * v.z;
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? cone * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }

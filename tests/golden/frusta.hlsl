@@ -412,6 +412,10 @@ float3 conemap_place_out_of(conemap_frustum f, float3 p) {
     return float3(x.w + d.x, y.w + d.y, z.w + d.z);
 }
 
+struct conemap_block {
+    int node, low, high; // its number; offsets of its texels from the texel's own
+};
+
 // The frustum of a chain that a place is beside, a few up or down from `frustum`.
 int conemap_beside(int frustum, float3 place) {
     for (int k = 0; k < 4; ++k) {
@@ -424,6 +428,22 @@ int conemap_beside(int frustum, float3 place) {
         frustum = next;
     }
     return frustum;
+}
+
+// On one axis the block of level k that is `side` blocks beside a texel's own; low > high: there is none. A wrapping
+// axis is seen from -size / 2 to size / 2.
+conemap_block conemap_beside(int at, int side, int size, int k, bool repeats) {
+    int count = ((size - 1) >> k) + 1, node = (at >> k) + side;
+    int shift = node < 0 ? -size : node >= count ? size : 0, end = size - 1 + shift - at;
+    conemap_block b;
+    b.node = shift < 0 ? count - 1 : shift > 0 ? 0 : node;
+    b.low = (b.node << k) + shift - at;
+    b.high = ((b.node + 1) << k) - 1 + shift - at;
+    if (b.high > end) b.high = end;
+    if (repeats && b.low < -(size >> 1)) b.low = -(size >> 1);
+    if (repeats && b.high > size >> 1) b.high = size >> 1;
+    if (!repeats && shift != 0) b.high = b.low - 1;
+    return b;
 }
 
 // Adds the normal of a frustum that comes near a place of the world: all of it where the place lies on it, nothing from

@@ -51,10 +51,9 @@ float conemap_mix(float4 h, float x, float y) {
 float conemap_patch_hit(float4 h, float x, float y, float c, float3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0 * a * c, q = -0.5 * (b + (b < 0.0 ? -1.0 : 1.0) * sqrt(max(d, 0.0)));
-    float first = q != 0.0 ? c / q : -1.0, second = a != 0.0 ? q / a : -1.0;
-    if (first < 0.0 || (second >= 0.0 && second < first)) first = second;
-    return c <= 0.0 ? 0.0 : d >= 0.0 && first <= end ? first : -1.0;
+    float d = b * b - 4.0 * a * c, root = sqrt(max(d, 0.0));
+    float hit = b < 0.0 ? 2.0 * c / (root - b) : a < 0.0 ? -0.5 * (root + b) / a : -1.0;
+    return c <= 0.0 ? 0.0 : d >= 0.0 && hit <= end ? hit : -1.0;
 }
 
 // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself decides.

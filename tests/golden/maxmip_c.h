@@ -89,10 +89,9 @@ static float maxmip_mix(maxmip_vec4 h, float x, float y) {
 static float maxmip_patch_hit(maxmip_vec4 h, float x, float y, float c, maxmip_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
-    float d = b * b - 4.0f * a * c, q = -0.5f * (b + (b < 0.0f ? -1.0f : 1.0f) * sqrtf(fmaxf(d, 0.0f)));
-    float first = q != 0.0f ? c / q : -1.0f, second = a != 0.0f ? q / a : -1.0f;
-    if (first < 0.0f || (second >= 0.0f && second < first)) first = second;
-    return c <= 0.0f ? 0.0f : d >= 0.0f && first <= end ? first : -1.0f;
+    float d = b * b - 4.0f * a * c, root = sqrtf(fmaxf(d, 0.0f));
+    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;
+    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;
 }
 
 // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself decides.

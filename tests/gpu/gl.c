@@ -166,6 +166,32 @@ static GLuint program(GLuint first, GLuint second)
     return name;
 }
 
+/* HLSL cannot be run here, but what a compiler of it makes can: in a first run the texts are written into a folder, then
+   compiled to SPIR-V and translated to GLSL by others (shaders.sh), and a second run takes these in the same order. */
+static const char *hlsl_folder;
+static int hlsl_writes, hlsl_count;
+
+static int is_hlsl(conemap_dialect dialect) { return dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60; }
+static int is_es(conemap_dialect dialect) { return dialect == CONEMAP_ESSL_300 || dialect == CONEMAP_ESSL_310; }
+
+static GLuint hlsl_program(const char *text)
+{
+    static char glsl[200000];
+    char path[600];
+    FILE *file;
+    size_t size;
+    sprintf(path, "%.500s/%03d_compute.%s", hlsl_folder, hlsl_count++, hlsl_writes ? "hlsl" : "comp");
+    file = fopen(path, hlsl_writes ? "wb" : "rb");
+    size = !file ? 0 : hlsl_writes ? fwrite(text, 1, strlen(text), file) : fread(glsl, 1, sizeof glsl - 1, file);
+    glsl[size] = 0;
+    if (file) fclose(file);
+    if (size == 0) {
+        fail("%s: cannot be opened", path);
+        exit(1);
+    }
+    return hlsl_writes ? 0 : program(shader(GL_COMPUTE_SHADER, glsl), 0);
+}
+
 /* A fetch of the host's that filters as most GPUs do: weights rounded to 8 bits. */
 static const char eight_bits[] =
     "uniform highp sampler2D conemap_map;\n"
@@ -196,6 +222,14 @@ static int runs_done;
 static void uniform_i(GLuint p, const char *name, int value)
 {
     GLint at = gl.GetUniformLocation(p, name);
+    if (at < 0 && hlsl_folder) { /* textures by themselves, and with a sampler */
+        char combined[160];
+        sprintf(combined, "SPIRV_Cross_Combined%.60sSPIRV_Cross_DummySampler", name);
+        at = gl.GetUniformLocation(p, combined);
+        if (at >= 0) gl.Uniform1i(at, value);
+        sprintf(combined, "SPIRV_Cross_Combined%.60sconemap_sampler", name);
+        at = gl.GetUniformLocation(p, combined);
+    }
     if (at >= 0) gl.Uniform1i(at, value);
 }
 
@@ -209,6 +243,7 @@ static GLuint build(const struct run *r)
         fail("%s: %s", r->name, conemap_result_string(result));
         exit(1);
     }
+    if (is_hlsl(d->dialect)) return hlsl_program(text);
     if (d->stage == CONEMAP_STAGE_COMPUTE) return program(shader(GL_COMPUTE_SHADER, text), 0);
     if (d->stage == CONEMAP_STAGE_FRAGMENT) {
         const char *place =
@@ -279,7 +314,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
                  wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
     const char *prefix = d->prefix ? d->prefix : "conemap";
     conemap_format_numbers numbers;
-    GLuint names[3] = {0, 0, 0}, buffers[2];
+    GLuint names[6] = {0, 0, 0, 0, 0, 0}, buffers[2]; /* 3 and 4 are the rays' */
     char name[80];
     size_t size = conemap_texture_size(map, 0);
     void *pixels = malloc(size);
@@ -289,6 +324,11 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     conemap_write_texture(map, pixels, size, 0);
     names[0] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format,
                        numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    if (map->info.texture.sectors == 8) {
+        conemap_write_texture_at(map, 1, pixels, size, 0);
+        names[5] = texture(d->array, 0, map->info.width, map->info.height, numbers.gl_internal, numbers.gl_format,
+                           numbers.gl_type, d->atlas, filter, wrap_u, wrap_v, pixels);
+    }
     names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter,
                        wrap_u, wrap_v, map->heights);
     free(pixels);
@@ -309,8 +349,9 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
     gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     gl.UseProgram(p);
-    for (k = 0; k < 3; ++k) {
-        static const char *const endings[3] = {"map", "heights", "maxima"};
+    for (k = 0; k < 6; ++k) {
+        static const char *const endings[6] = {"map", "heights", "maxima", "", "", "octants"};
+        if (!endings[k][0]) continue;
         gl.ActiveTexture(GL_TEXTURE0 + (GLenum)k);
         gl.BindTexture(target, names[k]);
         sprintf(name, "%s_%s", prefix, endings[k]);
@@ -332,8 +373,10 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         if ((at = gl.GetUniformLocation(p, "conemap_range")) >= 0) gl.Uniform2f(at, 0.1f, 0.7f);
     }
     if (d->stage == CONEMAP_STAGE_COMPUTE) {
-        const int wide = d->steps || d->status ? 2 : 1, first = 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
-                                                                     d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
+        const int wide = d->steps || d->status ? 2 : 1, sectors = d->map.texture.sectors;
+        const int first = sectors > 1 ? sectors / 4 + 1
+                                      : 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
+                                             d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
         float *both = (float *)malloc(RAYS * 8 * sizeof(float));
         const float *back;
         for (k = 0; k < RAYS; ++k) {
@@ -347,7 +390,9 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         gl.BufferData(GL_SHADER_STORAGE_BUFFER, (GLsizeiptr)(RAYS * 4 * sizeof(float)) * wide, NULL,
                       GL_STATIC_DRAW);
         gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first, buffers[0]);
-        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 1, buffers[1]);
+        if (is_hlsl(d->dialect)) /* where glslang puts it */
+            gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 8, buffers[0]);
+        gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, is_hlsl(d->dialect) ? 8 : (GLuint)first + 1, buffers[1]);
         gl.DispatchCompute(RAYS / 64, 1, 1);
         gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
         back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0,
@@ -381,7 +426,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
                 answers[1][4 * k + 2] = steps;
             }
     }
-    gl.DeleteTextures(3, names);
+    gl.DeleteTextures(6, names);
     if (gl.GetError() != 0) fail("%s: a GL error", r->name);
 }
 
@@ -404,7 +449,7 @@ static void run(const struct run *r)
     static float heights[64 * 64];
     static GLuint targets[2], ray_textures[2], frame;
     static int es_of_targets = -1;
-    const int es = r->desc.dialect >= CONEMAP_ESSL_300;
+    const int es = is_es(r->desc.dialect);
     struct zoo_random random = zoo_seed(99);
     struct compare_counts counts;
     conemap_shader_desc desc = r->desc;
@@ -456,6 +501,10 @@ static void run(const struct run *r)
             here.desc.map = map.info;
             here.desc.fixed_size = fixed;
             p = build(&here);
+            if (is_hlsl(desc.dialect) && hlsl_writes) {
+                conemap_free(&map);
+                return;
+            }
         }
         truth.width = map.info.width;
         truth.height = map.info.height;
@@ -548,44 +597,58 @@ static GLuint storage(int width, int height, GLenum internal, GLenum format, con
     return name;
 }
 
-/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's. */
-static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, int safe, conemap_wrap wrap)
+enum { MAKE_RING, MAKE_MIN3X3, MAKE_SAFE, MAKE_EXACT, MAKE_NAIVE, MAKE_QUICK, MAKE_NAIVE_CENTER, MAKE_QUICK_CENTER,
+       MAKE_SLOPES, MAKE_COUNT };
+static const char *const make_names[MAKE_COUNT] = {"ring", "3x3", "safe", "exact", "naive", "quick", "naive centre",
+                                                   "quick centre", "exact with slopes"};
+
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
+static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
 {
     static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
-    static float heights[40 * 28], zero[40 * 28];
-    static float back[40 * 28 * 4];
-    const int w = 40, h = 28, es = dialect >= CONEMAP_ESSL_300, compute = stage == CONEMAP_STAGE_COMPUTE;
-    char text[8000], vertex[400];
-    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source;
-    int kind, k, pass, compared = 0, wide = 0, narrow = 0, dispatches = 0;
+    static const conemap_generator generators[MAKE_COUNT] = {
+        CONEMAP_RING,  CONEMAP_RING,  CONEMAP_RING,  CONEMAP_EXACT, CONEMAP_QUICK_NAIVE, CONEMAP_QUICK,
+        CONEMAP_QUICK_NAIVE_CENTER, CONEMAP_QUICK_CENTER, CONEMAP_EXACT};
+    static float heights[40 * 28], zero[64 * 64];
+    static float back[64 * 64 * 4], right[64 * 64], slopes[40 * 28 * 4];
+    const int w = 40, h = 28, es = is_es(dialect), hlsl = is_hlsl(dialect), compute = stage == CONEMAP_STAGE_COMPUTE;
+    const int safe = what == MAKE_SAFE, four = what == MAKE_SLOPES;
+    char text[9000], vertex[400];
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source, maxima, arguments;
+    int kind, k, pass, cells, compared = 0, wide = 0, narrow = 0, dispatches = 0, blocks = 0;
     conemap_shader_desc desc;
     memset(&desc, 0, sizeof desc);
     desc.dialect = dialect;
     desc.stage = stage;
     desc.map.wrap_u = wrap;
     desc.map.aspect = 0.6f;
-    desc.map.min3x3 = min3x3;
+    desc.map.min3x3 = what == MAKE_MIN3X3;
     desc.map.guarantee = safe ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+    desc.map.generator = generators[what];
     desc.map.width = w;
     desc.map.height = h;
-    if (es) desc.map.texture.layout = CONEMAP_CONE_ONLY;
+    desc.map.texture.layout = four ? CONEMAP_DUMMER : es ? CONEMAP_CONE_ONLY : CONEMAP_HEIGHT_CONE;
+    desc.map.texture.flip_dv = four && wrap == CONEMAP_WRAP;
     context(es);
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
             "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
-            versions[dialect]);
+            hlsl ? "" : versions[dialect]);
     for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
         if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
             fail("kernel %d in dialect %d", k, (int)dialect);
             return;
         }
-        programs[k] = compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
-                              : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
+        programs[k] = hlsl      ? hlsl_program(text)
+                      : compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
+                                : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
     }
+    if (hlsl && hlsl_writes) return;
+    gl.GenBuffers(1, &arguments);
     gl.GenFramebuffers(1, &frame);
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
-    gl.Viewport(0, 0, w, h);
     for (kind = 0; kind < ZOO_KINDS; ++kind) {
+        const GLenum out_format = four ? GL_RGBA32F : es ? GL_R32F : GL_RG32F;
         conemap_desc build_desc;
         conemap_map map;
         conemap_gpu_pass passes[64];
@@ -597,78 +660,130 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int min3x3, 
         build_desc.heights.height = h;
         build_desc.wrap_u = wrap;
         build_desc.aspect = 0.6f;
-        build_desc.min3x3 = min3x3;
-        build_desc.generator = CONEMAP_RING;
-        if (conemap_build(&build_desc, &map) != CONEMAP_OK ||
-            conemap_gpu_passes(&desc, 900, passes, 64, &count) != CONEMAP_OK) {
-            fail("kernels: no map or no passes");
+        build_desc.min3x3 = desc.map.min3x3;
+        build_desc.generator = generators[what];
+        build_desc.texture = desc.map.texture;
+        build_desc.keep_pyramid = 1;
+        if (build_desc.generator == CONEMAP_EXACT) build_desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+        if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
+            fail("kernels: no map");
             return;
         }
         source = storage(w, h, GL_R32F, GL_RED, heights);
         for (k = 0; k < 2; ++k) states[k] = storage(w, h, GL_R32F, GL_RED, zero);
-        out = es ? storage(w, h, GL_R32F, GL_RED, NULL) : storage(w, h, GL_RG32F, GL_RG, NULL);
-        for (pass = 0; pass < count; ++pass) {
-            const GLuint p = programs[passes[pass].kernel],
-                         target = passes[pass].writes == 2 ? out : states[passes[pass].writes];
-            gl.UseProgram(p);
-            gl.ActiveTexture(GL_TEXTURE0);
-            gl.BindTexture(GL_TEXTURE_2D, states[passes[pass].reads]);
-            gl.ActiveTexture(GL_TEXTURE1);
-            gl.BindTexture(GL_TEXTURE_2D, source);
-            uniform_i(p, "conemap_state", 0);
-            uniform_i(p, "conemap_heights", 1);
-            uniform_i(p, "conemap_first", passes[pass].first);
-            uniform_i(p, "conemap_last", passes[pass].last);
-            if (compute) {
-                const int unit = passes[pass].kernel == CONEMAP_KERNEL_MIN3X3 ||
-                                         (es && passes[pass].kernel == CONEMAP_KERNEL_STORE)
-                                     ? 1
-                                     : 2;
-                gl.BindImageTexture((GLuint)unit, target, 0, GL_FALSE, 0, GL_WRITE_ONLY,
-                                    passes[pass].writes == 2 && !es ? GL_RG32F : GL_R32F);
-                gl.DispatchCompute((GLuint)passes[pass].groups_x, (GLuint)passes[pass].groups_y, 1);
-                gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
-            } else {
-                gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, 0);
-                gl.DrawArrays(GL_TRIANGLES, 0, 3);
+        out = storage(w, h, out_format, GL_RED, NULL);
+        gl.GenTextures(1, &maxima);
+        gl.BindTexture(GL_TEXTURE_2D, maxima);
+        gl.TexStorage2D(GL_TEXTURE_2D, 7, GL_R32F, 64, 64);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+        gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+        for (cells = 0; cells < (what == MAKE_EXACT ? 2 : 1); ++cells) {
+            desc.trace.tracer = cells ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_DEFAULT;
+            if (conemap_gpu_passes(&desc, what == MAKE_SLOPES ? 1 << 20 : 900, passes, 64, &count) != CONEMAP_OK) {
+                fail("kernels: no passes");
+                return;
             }
-            ++dispatches;
+            for (pass = 0; pass < count; ++pass) {
+                const conemap_gpu_pass *now = &passes[pass];
+                const GLuint p = programs[now->kernel],
+                             target = now->writes == 2 ? out : now->writes == 3 ? maxima : states[now->writes];
+                const int level = now->writes == 3 ? now->level : 0;
+                int unit = 0;
+                gl.UseProgram(p);
+                gl.ActiveTexture(GL_TEXTURE0);
+                gl.BindTexture(GL_TEXTURE_2D, states[now->reads]);
+                gl.ActiveTexture(GL_TEXTURE1);
+                gl.BindTexture(GL_TEXTURE_2D, source);
+                gl.ActiveTexture(GL_TEXTURE2);
+                gl.BindTexture(GL_TEXTURE_2D, maxima);
+                gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL,
+                                 now->kernel == CONEMAP_KERNEL_MAXIMA && !compute ? level - 1 : 6);
+                uniform_i(p, "conemap_state", 0);
+                uniform_i(p, "conemap_heights", 1);
+                uniform_i(p, "conemap_maxima", 2);
+                uniform_i(p, "conemap_first", now->first);
+                uniform_i(p, "conemap_last", now->last);
+                uniform_i(p, "conemap_level", now->level);
+                if (hlsl) {
+                    GLint values[4] = {0, 0, 0, 0};
+                    values[0] = now->kernel == CONEMAP_KERNEL_MAXIMA ? now->level : now->first;
+                    values[1] = now->last;
+                    values[2] = now->level;
+                    gl.BindBuffer(GL_UNIFORM_BUFFER, arguments);
+                    gl.BufferData(GL_UNIFORM_BUFFER, sizeof values, values, GL_STATIC_DRAW);
+                    gl.BindBufferBase(GL_UNIFORM_BUFFER, 24, arguments);
+                }
+                if (compute) { /* images come behind the textures that are there */
+                    unit += gl.GetUniformLocation(p, "conemap_state") >= 0;
+                    unit += gl.GetUniformLocation(p, "conemap_heights") >= 0;
+                    unit += gl.GetUniformLocation(p, "conemap_maxima") >= 0;
+                    gl.BindImageTexture(hlsl ? 8 : (GLuint)unit, target, level, GL_FALSE, 0, GL_WRITE_ONLY,
+                                        now->writes == 2 ? out_format : GL_R32F);
+                    gl.DispatchCompute((GLuint)now->groups_x, (GLuint)now->groups_y, 1);
+                    gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
+                } else {
+                    gl.Viewport(0, 0, now->width, now->height);
+                    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, level);
+                    gl.DrawArrays(GL_TRIANGLES, 0, 3);
+                }
+                ++dispatches;
+            }
+            if (cells) {
+                for (k = 0; k < 7; ++k) {
+                    const int side = 64 >> k;
+                    int at;
+                    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 6);
+                    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, maxima, k);
+                    gl.ReadPixels(0, 0, side, side, GL_RGBA, GL_FLOAT, back);
+                    conemap_write_maxima(&map, k, right, sizeof right);
+                    for (at = 0; at < side * side; ++at, ++blocks)
+                        if (back[4 * at] != right[at]) fail("kernels: maxima differ at level %d", k);
+                }
+                continue;
+            }
+            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
+            gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+            gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
+            if (four) conemap_write_texture(&map, slopes, sizeof slopes, 0);
+            for (k = 0; k < w * h; ++k) {
+                const float cone = back[4 * k + (es && !four ? 0 : 1)];
+                ++compared;
+                wide += cone > map.cones[k];
+                narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
+                zero[k] = cone;
+                if ((four || !es) && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
+                if (four && (fabsf(back[4 * k + 2] - slopes[4 * k + 2]) > 1e-7f ||
+                             fabsf(back[4 * k + 3] - slopes[4 * k + 3]) > 1e-7f))
+                    fail("kernels: slopes differ");
+            }
+            if (safe) {
+                conemap_report report;
+                if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
+                    report.unproven)
+                    fail("kernels: cones are not safe");
+            }
+            memset(zero, 0, sizeof zero);
         }
-        gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
-        gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
-        gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
-        for (k = 0; k < w * h; ++k) {
-            const float cone = back[4 * k + (es ? 0 : 1)];
-            ++compared;
-            wide += cone > map.cones[k];
-            narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
-            zero[k] = cone;
-            if (!es && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
-        }
-        if (safe) {
-            conemap_report report;
-            if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
-                report.unproven)
-                fail("kernels: cones are not safe");
-        }
-        memset(zero, 0, sizeof zero);
         gl.DeleteTextures(2, states);
         gl.DeleteTextures(1, &source);
         gl.DeleteTextures(1, &out);
+        gl.DeleteTextures(1, &maxima);
         conemap_free(&map);
     }
     if (gl.GetError() != 0) fail("kernels: a GL error");
-    printf("kernels, dialect %d, %s, wrap %d%s: %d cones in %d passes, %d wider than the CPU's, %d narrower by "
+    gl.DeleteBuffers(1, &arguments);
+    printf("kernels, dialect %d, %s, wrap %d, %s: %d cones%s in %d passes, %d wider than the CPU's, %d narrower by "
            "more than 1e-5\n",
-           (int)dialect, compute ? "compute" : "fragment", (int)wrap,
-           min3x3 ? ", 3x3"
-           : safe ? ", safe"
-                  : "",
-           compared, dispatches, wide, narrow);
+           (int)dialect, compute ? "compute" : "fragment", (int)wrap, make_names[what], compared,
+           blocks ? " and all maxima" : "", dispatches, wide, narrow);
+    fflush(stdout);
     if (wide || narrow) fail("kernels: cones differ");
 }
 
-int main(void)
+static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
+                                      CONEMAP_ESSL_310};
+
+static void trace_maps(void)
 {
     static const char *const tracers[] = {"",           "exact",    "linear", "fixed", "loop",
                                           "exact-step", "cell-max", "maxmip", "qdm"};
@@ -676,15 +791,8 @@ int main(void)
     static const char *const filters[] = {"fetch", "gather", "hardware"};
     static const char *const formats[] = {"f32", "f16", "unorm16", "unorm8"};
     static const char *const encodings[] = {"linear", "sqrt", "radius"};
-    static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
-                                          CONEMAP_ESSL_310};
     struct run r;
     int k, m, n;
-    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
-    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
-        printf("no EGL display\n");
-        return 77;
-    }
     for (k = 1; k < 9; ++k)
         for (m = 0; m < 3; ++m)
             for (n = 0; n < 3; ++n) { /* tracer x refinement x filter */
@@ -728,6 +836,35 @@ int main(void)
                 if (m == CONEMAP_FILTER_HARDWARE) r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
                 run(&r);
             }
+    for (k = 4; k <= 8; k += 4) { /* sectors: every tracer with cones, and with the exact one the rest */
+        for (m = 0; m < 4; ++m)
+            for (n = 0; n < 3; ++n) {
+                static const conemap_tracer with_cones[] = {CONEMAP_TRACE_EXACT, CONEMAP_TRACE_LOOP,
+                                                            CONEMAP_TRACE_EXACT_STEP, CONEMAP_TRACE_CELL_MAX};
+                if (m == 0 && n == CONEMAP_FILTER_HARDWARE) continue;
+                r = fresh("%d sectors, %s, %s", k, tracers[with_cones[m]], filters[n]);
+                r.desc.map.texture.sectors = k;
+                r.desc.trace.tracer = with_cones[m];
+                r.desc.filter = (conemap_filter)n;
+                r.desc.map.wrap_u = n == 0 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+                run(&r);
+            }
+        for (m = 0; m < 8; ++m) {
+            static const char *const names[] = {"per cell", "per cell, gather", "unorm8, sqrt", "unorm16, radius",
+                                                "array",    "atlas",            "compute",      "fragment, ES"};
+            r = fresh("%d sectors, %s", k, names[m]);
+            r.desc.map.texture.sectors = k;
+            r.desc.map.texture.per_cell = m < 2;
+            if (m == 1) r.desc.filter = CONEMAP_FILTER_GATHER;
+            if (m == 2) r.desc.map.texture.format = CONEMAP_UNORM8, r.desc.map.texture.encoding = CONEMAP_SQRT;
+            if (m == 3) r.desc.map.texture.format = CONEMAP_UNORM16, r.desc.map.texture.encoding = CONEMAP_RADIUS;
+            if (m == 4) r.desc.array = 1;
+            if (m == 5) r.desc.atlas = 1, r.desc.map.texture.layout = CONEMAP_CONE_ONLY;
+            if (m == 6) r.desc.stage = CONEMAP_STAGE_COMPUTE;
+            if (m == 7) r.desc.stage = CONEMAP_STAGE_FRAGMENT, r.desc.dialect = CONEMAP_ESSL_300;
+            run(&r);
+        }
+    }
     for (k = 0; k < 5; ++k)
         for (m = 0; m < 3; ++m) {
             static const char *const stages[] = {"functions", "fragment", "compute"};
@@ -792,11 +929,61 @@ int main(void)
         r.count_only = 1;
         if (k != CONEMAP_TRACE_LINEAR) run(&r);
     }
-    for (k = 0; k < 5; ++k)
+}
+
+/* Every tracer and kernel in HLSL, compute shaders all of them, with each way of reading textures. */
+static void run_hlsl(void)
+{
+    struct run r;
+    int k;
+    for (k = 0; k < 16; ++k) {
+        static const char *const names[16] = {"exact",        "linear",    "fixed",   "loop",     "exact-step",
+                                              "cell-max",     "maxmip",    "qdm",     "gather",   "hardware",
+                                              "4 sectors",    "8 sectors", "wraps",   "per cell", "unorm16, cones only",
+                                              "t range, sqrt"};
+        r = fresh("HLSL: %s", names[k]);
+        r.desc.dialect = CONEMAP_HLSL_60;
+        r.desc.stage = CONEMAP_STAGE_COMPUTE;
+        if (k < 8) r.desc.trace.tracer = (conemap_tracer)(k + 1);
+        if (k == 1) r.desc.trace.max_steps = 197;
+        if (k == 3 || k == 5) r.desc.trace.refinement = k == 3 ? CONEMAP_REFINE_BISECT : CONEMAP_REFINE_SECANT;
+        if (k == 8) r.desc.filter = CONEMAP_FILTER_GATHER;
+        if (k == 9) r.desc.filter = CONEMAP_FILTER_HARDWARE, r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
+        if (k == 10 || k == 11) r.desc.map.texture.sectors = k == 10 ? 4 : 8;
+        if (k == 12) r.desc.map.wrap_u = CONEMAP_WRAP, r.desc.map.wrap_v = CONEMAP_NOTHING;
+        if (k == 13) r.desc.map.texture.per_cell = 1, r.desc.filter = CONEMAP_FILTER_GATHER;
+        if (k == 14) r.desc.map.texture.format = CONEMAP_UNORM16, r.desc.map.texture.layout = CONEMAP_CONE_ONLY;
+        if (k == 15) r.desc.t_range = 1, r.desc.map.texture.encoding = CONEMAP_SQRT;
+        run(&r);
+    }
+    for (k = 0; k < MAKE_COUNT; ++k)
+        make_maps(CONEMAP_HLSL_60, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP);
+    if (!hlsl_writes)
+        printf("HLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
+               hlsl_count, total.rays, total.different, total.misses);
+}
+
+/* Arguments pick a part: "trace", "make", or "hlsl-write" or "hlsl-run" with a folder. */
+int main(int argument_count, char **arguments)
+{
+    int k, m, n;
+    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
+    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
+        printf("no EGL display\n");
+        return 77;
+    }
+    if (argument_count > 2) {
+        hlsl_folder = arguments[2];
+        hlsl_writes = strcmp(arguments[1], "hlsl-write") == 0;
+        run_hlsl();
+        return failures != 0;
+    }
+    if (argument_count < 2 || strcmp(arguments[1], "make") != 0) trace_maps();
+    for (k = 0; k < 5 && (argument_count < 2 || strcmp(arguments[1], "trace") != 0); ++k)
         for (m = 1; m < 3; ++m)
-            for (n = 0; n < 3; ++n)
+            for (n = 0; n < MAKE_COUNT; ++n)
                 if (m == CONEMAP_STAGE_FRAGMENT || (all[k] != CONEMAP_GLSL_330 && all[k] != CONEMAP_ESSL_300))
-                    make_maps(all[k], (conemap_stage)m, n == 1, n == 2, n ? CONEMAP_WRAP : CONEMAP_CLAMP);
+                    make_maps(all[k], (conemap_stage)m, n, (n + k) % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP);
     printf("software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d by 2^-20, %d beyond single "
            "precision\n",
            runs_done, total.rays, total.different, total.strict_misses, total.misses);

@@ -1,6 +1,7 @@
 /* Compiles HLSL with Microsoft's own compilers under Windows or wine:  hlsl LIBRARY.dll PROFILE FILE...
    where a PROFILE of 5_0 means d3dcompiler's D3DCompile with ps_5_0 (or cs_5_0, vs_5_0 for names that hold "compute",
-   "vertex") and 6_0 dxcompiler's DxcCreateInstance. A warning counts as a failure. */
+   "vertex") and 6_0 dxcompiler's DxcCreateInstance. A warning counts as a failure. PROFILE spirv is 6_0 and writes FILE.spv
+   beside each FILE, with registers t at 0, u at 8, s at 16, b at 24. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -97,18 +98,28 @@ int main(int argument_count, char **arguments)
         if (compile) {
             result = compile(text, size, arguments[k], NULL, NULL, "main", profile, 0, 0, &code, &errors);
         } else {
-            const wchar_t *flags[6] = {L"-E", L"main", L"-T",
-                                       compute  ? L"cs_6_0"
-                                       : vertex ? L"vs_6_0"
-                                                : L"ps_6_0",
-                                       L"-Vd"};
+            const wchar_t *flags[] = {L"-E", L"main", L"-T",
+                                      compute  ? L"cs_6_0"
+                                      : vertex ? L"vs_6_0"
+                                               : L"ps_6_0",
+                                      L"-Vd", L"-spirv", L"-fvk-u-shift", L"8", L"0", L"-fvk-s-shift", L"16", L"0",
+                                      L"-fvk-b-shift", L"24", L"0"};
+            const int spirv = arguments[2][0] == 's';
             dxc_buffer buffer = {text, size, 65001};
             dxc_result *answer = NULL;
-            result = compiler->table->compile(compiler, &buffer, flags, 5, NULL, &interface_operation_result,
+            result = compiler->table->compile(compiler, &buffer, flags, spirv ? 15 : 5, NULL, &interface_operation_result,
                                               (void **)&answer);
             if (result >= 0 && answer) {
                 answer->table->status(answer, &result);
                 answer->table->errors(answer, &errors);
+                if (spirv && result >= 0 && answer->table->result(answer, &code) >= 0 && code) {
+                    char path[600];
+                    FILE *file;
+                    snprintf(path, sizeof path, "%s.spv", arguments[k]);
+                    file = fopen(path, "wb");
+                    if (!file || fwrite(code->table->pointer(code), 1, code->table->size(code), file) == 0) result = E_FAIL;
+                    if (file) fclose(file);
+                }
                 answer->table->release(answer);
             }
         }

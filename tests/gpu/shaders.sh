@@ -4,6 +4,8 @@
 #   glsl    glslangValidator on all GLSL dialects, spirv-val on Vulkan's
 #   c       gcc with all warnings on the C
 #   hlsl    Microsoft's compilers under wine; HLSL_DLLS is a folder with msfxc.dll, msfxc_old.dll, msdxc.dll
+#   hlslrun a choice of HLSL run on a software GPU, by way of SPIR-V and GLSL: through Microsoft's compiler if HLSL_DLLS has
+#           one that writes SPIR-V (msdxc_spirv.dll), else through glslang
 part=$1
 dir=$2
 writer=${3:-variants}
@@ -11,6 +13,35 @@ here=$(dirname "$0")
 wine=$(command -v wine64 || echo /usr/lib/wine/wine64)
 samples=${SHADER_SAMPLES:-300}
 mkdir -p "$dir"
+under_wine() {
+    WINEPREFIX=$PWD/wine WINEARCH=win64 WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml="
+    export WINEPREFIX WINEARCH WINEDEBUG WINEDLLOVERRIDES
+    [ -d wine ] || timeout 120 "$wine" wineboot -i </dev/null >/dev/null 2>&1
+}
+if [ "$part" = hlslrun ]; then
+    gcc -std=c99 -O2 -I"$here/../.." "$here/gl.c" -o "$dir/gl" -lEGL -lm || exit 1
+    cd "$dir" || exit 1
+    rm -rf texts
+    mkdir texts
+    EGL_PLATFORM=surfaceless ./gl hlsl-write texts || exit $?
+    if [ -f "${HLSL_DLLS:-}/msdxc_spirv.dll" ]; then
+        x86_64-w64-mingw32-gcc -O1 "$OLDPWD/$here/hlsl.c" -o hlsl.exe || exit 1
+        cp "$HLSL_DLLS/msdxc_spirv.dll" .
+        under_wine
+        timeout 300 "$wine" hlsl.exe msdxc_spirv.dll spirv texts/*.hlsl || exit 1
+    else
+        for file in texts/*.hlsl; do
+            glslangValidator -D -V -e main -S comp --sbb 8 --sib 8 --ssb 16 --sub 24 "$file" -o "$file.spv" >"$file.log" ||
+                { cat "$file.log"; exit 1; }
+        done
+    fi
+    for file in texts/*.hlsl; do spirv-cross --version 450 --no-es "$file.spv" --output "${file%.hlsl}.comp" || exit 1; done
+    EGL_PLATFORM=surfaceless ./gl hlsl-run texts >run.log
+    status=$?
+    cat run.log
+    tail -n 1 run.log >count
+    exit $status
+fi
 gcc -std=c99 -O1 -I"$here/../.." "$here/$writer.c" -o "$dir/variants" -lm || exit 1
 failed=0
 write() { # DIALECT
@@ -42,9 +73,7 @@ hlsl)
     write hlsl50
     write hlsl60
     cd "$dir" || exit 1
-    WINEPREFIX=$PWD/wine WINEARCH=win64 WINEDEBUG=-all WINEDLLOVERRIDES="mscoree,mshtml="
-    export WINEPREFIX WINEARCH WINEDEBUG WINEDLLOVERRIDES
-    [ -d wine ] || timeout 120 "$wine" wineboot -i </dev/null >/dev/null 2>&1
+    under_wine
     for compiler in "msfxc.dll 5_0 hlsl50" "msfxc_old.dll 5_0 hlsl50" "msdxc.dll 6_0 hlsl60"; do
         # shellcheck disable=SC2086
         set -- $compiler

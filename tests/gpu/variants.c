@@ -24,7 +24,7 @@ static const struct {
     {"filter", 3},   {"steps", 2},     {"status", 2},     {"t_range", 2},   {"cap", 3},      {"atlas", 2},
     {"array", 2},    {"precision", 2}, {"external", 2},   {"binding", 2},   {"set", 2},      {"names", 2},
     {"fetch", 2},    {"any", 2},       {"adaptive", 2},   {"scale", 2},     {"bisect", 2},   {"tolerance", 2},
-    {"max_tan", 2},
+    {"max_tan", 2},  {"sectors", 3},
 };
 enum { OPTIONS = sizeof options / sizeof options[0] };
 
@@ -66,11 +66,13 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
         d->map_name = "bumps";
         d->heights_name = "soil";
         d->maxima_name = "tops";
+        d->octants_name = "eighths";
         d->sampler_name = "plain";
     }
     if (choice[k++] || dialect == CONEMAP_C99) {
         d->fetch = "host_fetch";
         d->fetch_maxima = "host_maxima";
+        d->fetch_cones = "host_cones";
     }
     d->trace.any_hit = choice[k++];
     d->trace.adaptive_steps = choice[k++];
@@ -78,6 +80,7 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
     d->trace.refine_steps = choice[k++] ? 3 : 0;
     d->trace.tolerance = choice[k++] ? 0.001f : 0.0f;
     d->map.max_tan = choice[k++] ? 2.5f : 0.0f;
+    d->map.texture.sectors = choice[k++] * 4;
 }
 
 static char text[65536], whole[131072];
@@ -106,7 +109,8 @@ static void put(const char *more) { strcat(whole, more); }
 static void wrap(const conemap_shader_desc *d)
 {
     const int hlsl = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60, c = d->dialect == CONEMAP_C99;
-    const int heights = d->trace.tracer == CONEMAP_TRACE_LINEAR || d->trace.tracer >= CONEMAP_TRACE_MAXMIP;
+    const int cones = d->trace.tracer != CONEMAP_TRACE_LINEAR && d->trace.tracer < CONEMAP_TRACE_MAXMIP;
+    const int heights = !cones || d->map.texture.sectors > 1;
     const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP, functions = d->stage == CONEMAP_STAGE_FUNCTIONS;
     const int vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN;
     const char *prefix = d->prefix ? d->prefix : "conemap", *slice = d->array ? ", int slice" : "";
@@ -117,15 +121,15 @@ static void wrap(const conemap_shader_desc *d)
         put(line);
     }
     if (d->external && !c) { /* the host's own declarations */
-        static const char *const given[3] = {"bumps", "soil", "tops"}, *const plain[3] = {"conemap_map",
-                                                                                          "conemap_heights",
-                                                                                          "conemap_maxima"};
+        static const char *const given[4] = {"bumps", "soil", "tops", "eighths"},
+                                 *const plain[4] = {"conemap_map", "conemap_heights", "conemap_maxima",
+                                                    "conemap_octants"};
         int k;
-        for (k = 0; k < 3; ++k) {
+        for (k = 0; k < 4; ++k) {
             const char *name = d->prefix ? given[k] : plain[k];
             if (hlsl)
                 sprintf(line, "Texture2D%s<%s> %s : register(t%d);\n", d->array ? "Array" : "",
-                        k == 0 ? "float4" : "float", name, k + 7);
+                        k == 0 || k == 3 ? "float4" : "float", name, k + 7);
             else if (vulkan)
                 sprintf(line, "layout(binding = %d) uniform sampler2D%s %s;\n", k + 7, d->array ? "Array" : "",
                         name);
@@ -211,6 +215,12 @@ static void wrap(const conemap_shader_desc *d)
             sprintf(line, "%s host_fetch(%s%s) {\n    return %s(0.01 * float(i + j)%s, 0.5);\n}\n", two, index,
                     slice, two, d->array ? " * float(slice)" : "");
         put(line);
+        if (cones && heights) {
+            sprintf(line, "float host_cones(%s, int sector%s) {\n    return %s(%ssector + 1%s);\n}\n", index, slice,
+                    c ? "(float)" : "float", d->filter == CONEMAP_FILTER_HARDWARE ? "(i > j ? 1 : 0) + " : "i + j + ",
+                    d->array ? " + slice" : "");
+            put(line);
+        }
         if (blocks) {
             sprintf(line, "float host_maxima(int i, int j, int level%s) {\n    return %s(i + j + level%s);\n}\n",
                     slice, c ? "(float)" : "float", d->array ? " + slice" : "");
@@ -254,24 +264,29 @@ static void variant(conemap_dialect dialect, const int *choice)
     }
 }
 
-/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size. */
+/* Kernels: stage x kernel x format x encoding x layout x wrap x constant size, and the quick one's four ways. */
 static void kernels(conemap_dialect dialect)
 {
     int k;
-    for (k = 0; dialect != CONEMAP_C99 && k < 4 * 2 * 2 * 4 * 3 * 2 * 4 * 2; ++k) {
+    for (k = 0; dialect != CONEMAP_C99 && k < 12 * 2 * 2 * 4 * 3 * 3 * 4 * 2; ++k) {
         conemap_shader_desc desc;
-        const int named = k % 2, kernel = k / 2 % 4, compute = k / 8 % 2;
+        const int kind = k % 12, kernel = kind < CONEMAP_KERNEL_COUNT ? kind : CONEMAP_KERNEL_QUICK;
+        const int named = k / 12 % 2, compute = k / 24 % 2;
         char path[600];
         FILE *file;
         memset(&desc, 0, sizeof desc);
         desc.dialect = dialect;
         desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
-        desc.map.texture.format = (conemap_format)(k / 16 % 4);
-        desc.map.texture.encoding = (conemap_encoding)(k / 64 % 3);
-        desc.map.texture.layout = (conemap_layout)(k / 192 % 2);
-        desc.map.wrap_u = k / 384 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
-        desc.map.wrap_v = k / 768 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
-        desc.fixed_size = k / 1536 % 2;
+        desc.map.generator = kind < CONEMAP_KERNEL_COUNT ? CONEMAP_QUICK
+                             : kind == 9                 ? CONEMAP_QUICK_NAIVE
+                             : kind == 10                ? CONEMAP_QUICK_CENTER
+                                                         : CONEMAP_QUICK_NAIVE_CENTER;
+        desc.map.texture.format = (conemap_format)(k / 48 % 4);
+        desc.map.texture.encoding = (conemap_encoding)(k / 192 % 3);
+        desc.map.texture.layout = (conemap_layout)(k / 576 % 3);
+        desc.map.wrap_u = k / 1728 % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = k / 3456 % 2 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = k / 6912;
         desc.map.width = desc.map.height = 64;
         if (named) {
             desc.prefix = "relief";

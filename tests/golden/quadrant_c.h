@@ -1,0 +1,133 @@
+// conemap.h: exact tracer.
+// quadrant_trace(origin, direction, size): the first hit of a ray with the relief.
+// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.
+// size: the map's width and height in texels.
+// quadrant_fetch: the host's; height
+// quadrant_cones: the host's; the cone as stored, for a sector
+#include <math.h>
+#include <stdbool.h>
+
+
+float quadrant_fetch(int i, int j);
+float quadrant_cones(int i, int j, int sector);
+
+typedef struct quadrant_vec3 {
+    float x, y, z;
+} quadrant_vec3;
+
+typedef struct quadrant_hit {
+    bool found;
+    float t;       // in lengths of the direction
+    quadrant_vec3 position; // u, v, z; u and v are not wrapped
+    int status;    // 0 hit, 1 left the map, 2 floor, 3 t_max, 4 step cap
+    int steps;
+} quadrant_hit;
+
+typedef struct quadrant_ivec2 {
+    int x, y;
+} quadrant_ivec2;
+
+typedef struct quadrant_vec2 {
+    float x, y;
+} quadrant_vec2;
+
+static quadrant_vec2 quadrant_make_vec2(float x, float y) {
+    quadrant_vec2 v;
+    v.x = x;
+    v.y = y;
+    return v;
+}
+
+// Narrows a range of t to where low <= o + v t <= high.
+static quadrant_vec2 quadrant_clip(quadrant_vec2 range, float o, float v, float low, float high) {
+    float a = (low - o) / v, b = (high - o) / v;
+    if (v == 0.0f) return quadrant_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
+    return quadrant_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
+}
+
+static quadrant_vec3 quadrant_make_vec3(float x, float y, float z) {
+    quadrant_vec3 v;
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    return v;
+}
+
+typedef struct quadrant_vec4 {
+    float x, y, z, w;
+} quadrant_vec4;
+
+static quadrant_vec4 quadrant_make_vec4(float x, float y, float z, float w) {
+    quadrant_vec4 v;
+    v.x = x;
+    v.y = y;
+    v.z = z;
+    v.w = w;
+    return v;
+}
+
+static int quadrant_clampi(int i, int low, int high) {
+    return i < low ? low : i > high ? high : i;
+}
+
+static float quadrant_texel(int i, int j, quadrant_ivec2 size) {
+    return quadrant_fetch(quadrant_clampi(i, 0, size.x - 1), quadrant_clampi(j, 0, size.y - 1));
+}
+
+static float quadrant_mix(quadrant_vec4 h, float x, float y) {
+    float low = h.x + (h.y - h.x) * x, high = h.z + (h.w - h.z) * x;
+    return low + (high - low) * y;
+}
+
+// The cone as stored, for rays of a sector: see quadrant_sector of conemap.h.
+static float quadrant_cone(int i, int j, int sector, quadrant_ivec2 size) {
+    return quadrant_cones(quadrant_clampi(i, 0, size.x - 1), quadrant_clampi(j, 0, size.y - 1), sector);
+}
+
+// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
+// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+static float quadrant_patch_hit(quadrant_vec4 h, float x, float y, float c, quadrant_vec3 v, float end) {
+    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
+    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
+    float d = b * b - 4.0f * a * c, root = sqrtf(fmaxf(d, 0.0f));
+    float hit = b < 0.0f ? 2.0f * c / (root - b) : a < 0.0f ? -0.5f * (root + b) / a : -1.0f;
+    return c <= 0.0f ? 0.0f : d >= 0.0f && hit <= end ? hit : -1.0f;
+}
+
+// Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
+static quadrant_hit quadrant_trace(quadrant_vec3 origin, quadrant_vec3 direction, quadrant_ivec2 size) {
+    quadrant_vec2 range = quadrant_clip(quadrant_make_vec2(0.0f, 1e30f), origin.z, direction.z, 0.0f, 1.0f); // of t over the map
+    float ground = direction.z < 0.0f ? range.y : 2e30f; // who gets there has hit: no height is below
+    range = quadrant_clip(quadrant_clip(range, origin.x, direction.x, 0.0f, 1.0f), origin.y, direction.y, 0.0f, 1.0f);
+    int i = 0, j = 0, si = direction.x < 0.0f ? -1 : 1, sj = direction.y < 0.0f ? -1 : 1, steps = 0;
+    quadrant_vec3 v = quadrant_make_vec3(fmaxf(fabsf(direction.x) * (float)(size.x), 1e-20f), fmaxf(fabsf(direction.y) * (float)(size.y), 1e-20f), direction.z);
+    int sector = (direction.x < 0.0f ? 1 : 0) + (direction.y < 0.0f ? 2 : 0);
+    float x = (float)(si) * (origin.x * (float)(size.x) - 0.5f), y = (float)(sj) * (origin.y * (float)(size.y) - 0.5f), z = origin.z;
+    int end_status = 1;
+    float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + 2.5e-1f * direction.y * direction.y);
+    bool done = range.x > range.y;
+    for (; !done && steps < 4 * (size.x + size.y); ++steps) {
+        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
+        quadrant_vec4 heights = quadrant_make_vec4(quadrant_texel(i, j, size), quadrant_texel(i + si, j, size),
+                            quadrant_texel(i, j + sj, size), quadrant_texel(i + si, j + sj, size));
+        float height = quadrant_mix(heights, x, y);
+        float cone = quadrant_cone(si > 0 ? i : i - 1, sj > 0 ? j : j - 1, sector, size);
+        float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
+        hit = quadrant_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
+        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
+        float closing = speed - cone * v.z;
+        dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? cone * gap / closing : 1e30f);
+        done = hit >= 0.0f || dt >= left;
+    }
+    if (done && hit < 0.0f && range.y == ground && range.x <= range.y) hit = range.y - t;
+    dt = fmaxf(hit, 0.0f);
+    quadrant_hit result;
+    result.found = hit >= 0.0f;
+    result.t = t + dt;
+    result.position = quadrant_make_vec3(((float)(i) + (float)(si) * (x + v.x * dt) + 0.5f) / (float)(size.x), ((float)(j) + (float)(sj) * (y + v.y * dt) + 0.5f) / (float)(size.y), z + v.z * dt);
+    result.status = result.found ? 0 : done ? end_status : 4;
+    result.steps = steps;
+    return result;
+}
