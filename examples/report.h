@@ -3,7 +3,8 @@
 #ifndef EXAMPLES_REPORT_H
 #define EXAMPLES_REPORT_H
 
-#define TIMES 11 /* rounds of times, interleaved */
+#define TIMES 11     /* rounds of times, interleaved */
+#define FULL_TIMES 3 /* with --full, where a round takes minutes */
 
 enum { HEIGHTS_ONLY = 1, FROM_BEFORE = 2 }; /* struct cones, from */
 
@@ -12,7 +13,7 @@ struct cone_kind {
     conemap_generator generator;
     conemap_guarantee guarantee;
     float slack;
-    int min3x3, per_cell;
+    int min3x3, per_cell, sectors;
     conemap_format format;
     int from; /* 0: built; HEIGHTS_ONLY: none; FROM_BEFORE: the 3x3 minimum of the line before, which is slow to build */
 };
@@ -21,14 +22,17 @@ struct cones {
     const struct cone_kind *kind;
     int built;
     conemap_map map;
+    conemap_prepared prepared; /* of heights only */
     float *own;
     double seconds, aperture, bytes; /* to build; mean of min(tan, 1); a texel */
+    double prepare_seconds;
 };
 
 struct tracer {
     const char *name;
     conemap_tracer tracer;
     int heights, cones, more; /* texels read: of heights and of cones a step, of heights a ray besides */
+    int prepared;
 };
 
 struct method {
