@@ -660,8 +660,8 @@ typedef struct conemap_plan_desc {
     float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
     float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
     int no_prepared;        /* nonzero: conemap_trace or a shader traces, not conemap_trace_prepared */
-    int no_sectors;         /* nonzero: one cone a texel, not one for each sector of directions */
-    const conemap_heights *heights; /* null, or those of the statistics: what may miss is then tried on them. Only read */
+    int no_sectors;         /* nonzero: one cone a texel, as where a shader knows no sectors */
+    const conemap_heights *heights; /* only read. Null, or those of the statistics: what may miss is tried on them */
     conemap_allocator allocator; /* for trials; null: CONEMAP_MALLOC and CONEMAP_FREE */
 } conemap_plan_desc;
 
@@ -684,12 +684,12 @@ typedef struct conemap_planned {
 
 /* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a
    small model fitted to measurements (see PLANS in the implementation, and `accuracy --plans`, which prints predictions
-   beside measurements). On a CPU that is the prepared tracer nearly always; a shader's plan needs no_prepared. Steps and
-   times are off by a fifth as a mean.
+   beside measurements). On a CPU that is the prepared tracer nearly always; a shader's plan needs no_prepared. Steps
+   and times are off by a fifth as a mean.
    Without tolerances nothing is missed for certain. With them, bounds of misses and errors are the largest that were
    measured on like maps, times 1.5: cautious, but no proofs. With `heights` they are counted: what is cheapest by the
    model is built and traced with 16384 rays, then the next if that breaks a tolerance; a bound is then the count and
-   two standard deviations more. That takes up to nine builds and 1/3 of a second of rays, and the memory of a build.
+   two standard deviations more. That takes up to eight builds, half a second of rays, and a build's memory.
    Deterministic: nothing is timed. desc: only read. planned: overwritten; zeroed on errors. Errors: NULL, SIZE (also
    heights of another size than the statistics), PARAMETER (statistics that conemap_get_statistics does not give, or a
    field out of its range), and with heights those of conemap_build. Thread-safe. */
@@ -6028,8 +6028,9 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
        1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
    and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
    roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest
-   that were measured, times 1.5. All of it is fitted twice, for maps below 0.7 of roughness and for the others. Building
-   takes a time for each texel. `accuracy --fit` measures this on procedural maps and prints the table anew.
+   that were measured, times 1.5. All of it is fitted twice, for maps below 0.7 of roughness and for the others.
+   Building takes a time for each texel. `accuracy --fit` measures this on procedural maps and prints the table anew;
+   `make fit` puts it here.
 
    Misses follow roughness only to a factor of five or so, hence trials on the heights themselves.
    ====================================================================================================== */
@@ -6316,8 +6317,8 @@ static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float 
 
 /* ---- trials ---------------------------------------------------------------------------------------------------- */
 
-/* Ray k of a trial, from the box's top: places and directions spread evenly by the powers of the plastic number, elevations
-   by the golden ratio. Returns its length over the map's width for each unit of t. */
+/* Ray k of a trial, from the box's top, places and angles spread evenly as the probes' are, elevations by the golden
+   ratio. Returns its length over the map's width for each unit of t. */
 static float conemap__plan_ray(int k, float depth, float lowest, conemap_ray *ray) {
     double du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
     double dv = (k % 2 ? -1.0 : 1.0) * (1.0 - (du < 0.0 ? -du : du)), length = sqrt(du * du + dv * dv);

@@ -64,7 +64,7 @@ enum { TRACERS = sizeof tracers / sizeof tracers[0] };
 static const struct method chosen[] = {
     /* cones, tracer, refinement, step cap, 1: a row of the summary, 1 or 2: on the contact sheet */
     {"none", "linear", SECANT, 32, 1},
-    {"none", "linear", SECANT, 200, 1},
+    {"none", "linear", SECANT, 200, 2},
     {"none", "linear", BISECT, 200, 0},
     {"none", "qdm", NONE, 0, 1},
     {"none", "maxmip", NONE, 0, 1},
@@ -82,7 +82,7 @@ static const struct method chosen[] = {
     {"quick 3x3", "cell-max", SECANT, 0, 0},
     {"center", "exact-step", SECANT, 0, 0},
     {"quick", "exact", NONE, 0, 0},
-    {"sampled", "exact-step", BISECT, 0, 1},
+    {"sampled", "exact-step", BISECT, 0, 2},
     {"sampled 3x3", "cell-max", BISECT, 0, 0},
     {"relaxed", "exact-step", BISECT, 0, 2},
     {"relaxed 3x3", "cell-max", BISECT, 0, 0},
@@ -122,7 +122,8 @@ static void print_help(void) {
          "  --camera E A         rays of a view from E degrees above the ground, azimuth A, instead of rays at random\n"
          "  --depth D            height of the relief; the map is 1 wide (0.25)\n"
          "  --apertures          how near our cones come to the widest safe ones, and their steps; nothing else\n"
-         "  --fit                the planner's table for conemap.h, fitted on the procedural maps; nothing else\n"
+         "  --fit                the planner's table for conemap.h, fitted on the procedural maps (make fit puts it\n"
+         "                       there); nothing else\n"
          "  --plans              the planner's choices beside what they measure; nothing else\n"
          "  --no-pictures        leave the contact sheet out");
 }
@@ -915,9 +916,10 @@ static int fit_planner(struct progress *progress) {
         const conemap__plan_row *row = &conemap__plan_rows[k];
         double build = 0;
         for (int n = 0; n < count; ++n) build += log(cases[n].build[k]) / count;
-        printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, %d, %d, %d, CONEMAP_TRACE_%s, CONEMAP_REFINE_%s, %d, %.1ff,\n",
-               generators[row->generator], row->guarantee == CONEMAP_GUARANTEE_BILINEAR ? "BILINEAR" : "VERTEX",
-               row->min3x3, row->per_cell, row->sectors, row->prepared, traced[row->tracer],
+        printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, %d, %d, %d, ", generators[row->generator],
+               row->guarantee == CONEMAP_GUARANTEE_BILINEAR ? "BILINEAR" : "VERTEX", row->min3x3, row->per_cell,
+               row->sectors, row->prepared);
+        printf("CONEMAP_TRACE_%s, CONEMAP_REFINE_%s, %d, %.1ff,\n", traced[row->tracer],
                row->refinement == CONEMAP_REFINE_SECANT ? "SECANT" : "NONE", row->max_steps, exp(build));
         for (int rough = 0; rough < 2; ++rough) {
             conemap__plan_fit fit;
@@ -984,7 +986,8 @@ static int report_plans(struct progress *progress) {
          "would take everywhere else: prediction / measurement. time: of its choice over the cheapest of its\n"
          "methods that measures within the tolerance. 4000 rays at random, depth 0.25, from 5 degrees up; b:\n"
          "depth 0.5, from 15.\n");
-    printf("  %-14s %-12s %-22s %11s %11s %11s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error", "time");
+    printf("  %-14s %-12s %-22s %11s %11s %11s %5s\n", "map", "tolerated", "chosen", "steps", "missed %", "error",
+           "time");
     for (int m = 0; m < MAPS; ++m) {
         struct image image;
         const char *name;

@@ -379,14 +379,14 @@ static int plot_cut(FILE *svg, const char *title, conemap_guarantee guarantee, i
         if (conemap_sample_at(&map, (float)at[c], 0.5f, &apex) != CONEMAP_OK) break;
         double top = h / w, up = top - (double)apex.height, side = up * (double)apex.tan;
         double left = fmin(side, at[c]), right = fmin(side, 1 - at[c]);
-        fprintf(svg, "<polyline fill='none' stroke='#000' stroke-width='%s'%s points='%.1f,%.1f %.1f,%.1f %.1f,%.1f'/>\n",
-                c == 2 ? "2" : "1", c == 2 ? "" : " stroke-dasharray='4 3'", x + w * (at[c] - left),
+        fprintf(svg, "<polyline fill='none' stroke='#000' %s points='%.1f,%.1f %.1f,%.1f %.1f,%.1f'/>\n",
+                c == 2 ? "stroke-width='2'" : "stroke-dasharray='4 3'", x + w * (at[c] - left),
                 y + h - w * ((double)apex.height + left / (double)apex.tan), x + w * at[c],
                 y + h - w * (double)apex.height, x + w * (at[c] + right),
                 y + h - w * ((double)apex.height + right / (double)apex.tan));
         if (c < 2) continue;
         fprintf(svg, "<polygon fill='#000' stroke='none' points='");
-        for (int k = 0; k <= 2 * COLUMNS; ++k) { /* there along the cone where it is the lower, back along the surface */
+        for (int k = 0; k <= 2 * COLUMNS; ++k) { /* there along the lower of cone and surface, back along the surface */
             double u = (double)(k <= COLUMNS ? k : 2 * COLUMNS - k) / COLUMNS;
             if (conemap_sample_at(&map, (float)u, 0.5f, &sample) != CONEMAP_OK) break;
             double z = (double)sample.height, cone = (double)apex.height + fabs(u - at[c]) / (double)apex.tan;
@@ -403,7 +403,8 @@ static void write_svg(FILE *svg, const struct plotted *maps, int count) {
     static const char *const shapes[] = {"linear", "qdm", "exact", "prepared", "cell-max", "exact-step", "loop"};
     static const char *const said[] = {"linear",   "maxima (maxmip, qdm)", "exact",      "prepared",
                                        "cell-max", "exact-step",           "loop, fixed"};
-    int rows = (maps[0].count + 2) / 3, width = 1240, row = 460, top = 70 + 15 * rows, height = top + 40 + row * count + 330;
+    int rows = (maps[0].count + 2) / 3, width = 1240, row = 460, top = 70 + 15 * rows;
+    int height = top + 40 + row * count + 330;
     fprintf(
         svg,
         "<svg xmlns='http://www.w3.org/2000/svg' width='%d' height='%d' viewBox='0 0 %d %d' font-family='sans-serif' "

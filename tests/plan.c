@@ -281,7 +281,7 @@ static void trials_count(void)
     CHECK(tried.error > 0.0f && tried.error <= 0.5f, "white noise: error %g", (double)tried.error);
 
     heights.height = H - 1;
-    CHECK(conemap_plan(&desc, &tried) == CONEMAP_ERROR_SIZE && is_zero(&tried, sizeof tried), "heights of another size");
+    CHECK(conemap_plan(&desc, &tried) == CONEMAP_ERROR_SIZE && is_zero(&tried, sizeof tried), "another size");
     heights.height = H;
     desc.allocator.allocate = no_memory;
     desc.allocator.user = &asked;

@@ -1,5 +1,5 @@
-/* cells COUNT PART PARTS: proves bilinear cells of guaranteed maps by bound, COUNT of them over all parts, across the zoo,
-   sizes, wraps, texel shapes, formats, encodings, and cones of either kind, on small maps also by sectors. Now and then
+/* cells COUNT PART PARTS: proves bilinear cells of guaranteed maps by bound, COUNT of them over all parts, across the
+   zoo, sizes, wraps, texel shapes, formats, encodings, and cones of either kind, on small maps also by sectors. Now and then
    the same cones are widened by 1 %, which must be found out. Prints `N cells, U unsafe, O unproven, W of wider ones
    caught`; fails if U or O is not 0, or W is. */
 #include <stdio.h>
