@@ -101,14 +101,15 @@ static void print_table(const struct result *results, int count) {
            "ratio", "%", "%", "ratio", "texel", "dB");
     for (int k = 0; k < count; ++k) {
         const struct result *r = &results[k];
-        char build[24] = "     -     -";
+        char build[24] = "     -     -", error[16];
         if (r->generation > 0)
             snprintf(build, sizeof build, "%6.*f %5.0f", r->generation < 1 ? 1 : 0, r->generation * 1e3,
                      r->generation / least.generation);
-        printf("%2d%s%-27.27s %12.12s %4.3g %6.2f %5.2f %4.0f %5.2f %5.2f %4.1f %5.2f %5.1g %4.1f\n", k + 1,
+        snprintf(error, sizeof error, r->mean_error < 1e-3 ? "%5.0e" : "%5.1g", r->mean_error);
+        printf("%2d%s%-27.27s %12.12s %4.3g %6.2f %5.2f %4.0f %5.2f %5.2f %4.1f %5.2f %5s %4.1f\n", k + 1,
                r->pareto ? "*" : " ", r->name, build, r->bytes, r->steps, r->steps / least.steps, r->steps999,
                r->time / least.time, r->missed * 100, r->unconverged * 100,
-               (r->heights + r->cone_texels) / least.texels, r->mean_error, r->psnr);
+               (r->heights + r->cone_texels) / least.texels, error, r->psnr);
     }
 }
 
