@@ -29,6 +29,7 @@ help:
 	@echo "make check     everything heavier: warnings, sanitizers, other targets, fuzzing; skips what is missing"
 	@echo "make bench     speed, one line per figure (BENCH=name for those whose name holds it)"
 	@echo "make accuracy  what accuracy costs in time"
+	@echo "make fit       measures the planner's table anew and writes it into conemap.h"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
 	@echo "make effects   a picture of each effect on one sheet: out/effects.png"
 	@echo "make sync      writes tests/golden/ anew from the shader emitter"
@@ -90,10 +91,17 @@ effects: build/effects | out
 accuracy: build/accuracy | out
 	@./build/accuracy $(MAP)
 
+# The planner's table in conemap.h, measured and fitted on this machine; a quiet one, please.
+fit: build/accuracy
+	@./build/accuracy --fit > build/plan_rows
+	@sed -e '/^static const conemap__plan_row /r build/plan_rows' -e '/^static const conemap__plan_row /,/^};/d' \
+	    conemap.h > build/conemap.h
+	@cp build/conemap.h conemap.h && rm build/conemap.h
+
 trees: build/tree | out
 	@./build/tree
 
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy clean trees effects sync
+.PHONY: all help test demo threads check bench accuracy fit clean trees effects sync

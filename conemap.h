@@ -660,6 +660,10 @@ typedef struct conemap_plan_desc {
     float max_steps;        /* budget of steps a ray, as a mean; 0: none */
     float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
     float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
+    int no_prepared;        /* nonzero: conemap_trace or a shader traces, not conemap_trace_prepared */
+    int no_sectors;         /* nonzero: one cone a texel, as where a shader knows no sectors */
+    const conemap_heights *heights; /* only read. Null, or those of the statistics: what may miss is tried on them */
+    conemap_allocator allocator; /* for trials; null: CONEMAP_MALLOC and CONEMAP_FREE */
 } conemap_plan_desc;
 
 /* What to build and how to trace it, and what that is predicted to take. */
@@ -669,6 +673,8 @@ typedef struct conemap_planned {
     int min3x3;
     conemap_texture texture;
     int keep_pyramid;
+    int prepared;           /* nonzero: the map goes to conemap_prepare, and conemap_trace_prepared takes the place of
+                               conemap_trace with the next */
     conemap_trace_desc trace;
     float steps;            /* mean of a ray */
     float time;             /* of a ray, in steps of the default tracer over the default cones */
@@ -679,10 +685,15 @@ typedef struct conemap_planned {
 
 /* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a
    small model fitted to measurements (see PLANS in the implementation, and `accuracy --plans`, which prints predictions
-   beside measurements). Steps and times are off by a fifth as a mean. Bounds of misses and errors are the largest that
-   were measured on like maps, times 1.5, not proofs; without tolerances nothing is missed for certain. Deterministic:
-   nothing is timed. planned: overwritten; zeroed on errors. Errors: NULL, SIZE, PARAMETER (statistics that
-   conemap_get_statistics does not give, or a field out of its range). Thread-safe. */
+   beside measurements). On a CPU that is the prepared tracer nearly always; a shader's plan needs no_prepared. Steps
+   and times are off by a fifth as a mean.
+   Without tolerances nothing is missed for certain. With them, bounds of misses and errors are the largest that were
+   measured on like maps, times 1.5: cautious, but no proofs. With `heights` they are counted: what is cheapest by the
+   model is built and traced with 16384 rays, then the next if that breaks a tolerance; a bound is then the count and
+   two standard deviations more. That takes up to eight builds, half a second of rays, and a build's memory.
+   Deterministic: nothing is timed. desc: only read. planned: overwritten; zeroed on errors. Errors: NULL, SIZE (also
+   heights of another size than the statistics), PARAMETER (statistics that conemap_get_statistics does not give, or a
+   field out of its range), and with heights those of conemap_build. Thread-safe. */
 CONEMAP_API conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned);
 
 /* ======================================================================================================
@@ -6123,48 +6134,77 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
        1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
    and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
    roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest
-   that were measured, times 1.5, one for maps below 0.7 of roughness and one for the others. Building takes a time for
-   each texel.
-   `accuracy --fit` measures all of this on procedural maps and prints the table anew.
+   that were measured, times 1.5. All of it is fitted twice, for maps below 0.7 of roughness and for the others.
+   Building takes a time for each texel. `accuracy --fit` measures this on procedural maps and prints the table anew;
+   `make fit` puts it here.
+
+   Misses follow roughness only to a factor of five or so, hence trials on the heights themselves.
    ====================================================================================================== */
 
-enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_PROBES = 96 };
+enum { CONEMAP__PLAN_TERMS = 6, CONEMAP__PLAN_BLOCKS = 64, CONEMAP__PLAN_NEAR = 24, CONEMAP__PLAN_PROBES = 96,
+       CONEMAP__PLAN_TRIAL = 16384, CONEMAP__PLAN_BATCH = 64 };
+
+typedef struct conemap__plan_fit {
+    float steps[CONEMAP__PLAN_TERMS];
+    float ray, step;     /* time */
+    float missed, error; /* factors */
+} conemap__plan_fit;
 
 typedef struct conemap__plan_row {
     conemap_generator generator;
     conemap_guarantee guarantee;
-    int per_cell;
+    int min3x3, per_cell, sectors, prepared;
     conemap_tracer tracer;
     conemap_refinement refinement;
     int max_steps;
-    float steps[CONEMAP__PLAN_TERMS];
-    float ray, step;           /* time */
-    float build;               /* a texel */
-    float missed[2], error[2]; /* factors on smooth and on rough maps */
+    float build;              /* time a texel */
+    conemap__plan_fit fit[2]; /* smooth and rough maps */
 } conemap__plan_row;
 
 /* Behind each row: how far off its steps are as a mean, on the maps that it was fitted on. */
 static const conemap__plan_row conemap__plan_rows[] = {
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.052f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 11.8f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 17 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.017f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.03f, 12.6f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 16 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.000f, 1.475f, 0.000f, 0.000f, 1.261f}, 0.00f, 0.39f, 7.1f, {0.00f, 0.00f}, {0.00f, 0.00f}}, /* 10 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.490f, 0.431f, 0.024f, 0.000f, 0.000f}, 0.00f, 1.07f, 8.0f, {0.298f, 0.450f}, {17.5f, 28.4f}}, /* 9 % */
-    {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0,
-     {0.000f, 0.256f, 0.571f, 0.331f, 0.000f, 0.000f}, 0.00f, 1.02f, 7.2f, {0.209f, 0.430f}, {6.15f, 26.1f}}, /* 12 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.000f, 0.786f, 0.076f, 0.000f, 0.000f}, 0.00f, 1.04f, 8.0f, {0.507f, 0.749f}, {58.0f, 52.3f}}, /* 10 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0,
-     {0.000f, 0.434f, 0.364f, 0.000f, 0.000f, 0.000f}, 0.14f, 1.00f, 8.0f, {0.832f, 0.803f}, {131.f, 55.2f}}, /* 13 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0,
-     {1.532f, 0.000f, 1.502f, 0.000f, 0.000f, 0.605f}, 0.00f, 0.53f, 7.1f, {0.125f, 0.0193f}, {10.3f, 1.10f}}, /* 14 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200,
-     {0.000f, 0.000f, 1.637f, 1.206f, 150.314f, 0.000f}, 1.75f, 0.22f, 7.1f, {0.691f, 9.29f}, {43.3f, 242.f}}, /* 9 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32,
-     {0.000f, 0.000f, 0.457f, 0.076f, 23.865f, 0.000f}, 1.33f, 0.25f, 7.1f, {0.558f, 2.91f}, {55.5f, 107.f}}, /* 10 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 4.5f,
+     {{{0.000f, 0.000f, 0.943f, 0.016f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}, /* 12 % */
+     {{0.000f, 0.000f, 1.180f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}}}, /* 18 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 5.8f,
+     {{{0.000f, 0.000f, 0.882f, 0.053f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}, /* 10 % */
+     {{0.000f, 0.000f, 1.136f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}}}, /* 16 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 4, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 51.6f,
+     {{{0.000f, 0.000f, 0.704f, 0.134f, 0.127f, 0.000f}, 0.00f, 1.26f, 0.00f, 0.00f}, /* 6 % */
+     {{0.000f, 0.000f, 0.933f, 0.000f, 0.000f, 0.002f}, 0.00f, 1.23f, 0.00f, 0.00f}}}, /* 21 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 8, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 110.3f,
+     {{{0.000f, 0.000f, 0.634f, 0.141f, 0.440f, 0.000f}, 0.00f, 1.39f, 0.00f, 0.00f}, /* 6 % */
+     {{0.000f, 0.000f, 0.774f, 0.000f, 0.000f, 0.078f}, 0.00f, 1.32f, 0.00f, 0.00f}}}, /* 24 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.8f,
+     {{{0.328f, 0.240f, 0.812f, 0.000f, 0.000f, 0.000f}, 0.19f, 0.21f, 0.00f, 0.00f}, /* 6 % */
+     {{0.000f, 0.000f, 0.424f, 0.000f, 0.000f, 0.479f}, 0.07f, 0.25f, 0.00f, 0.00f}}}, /* 36 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0.9f,
+     {{{0.000f, 1.386f, 0.000f, 0.048f, 0.000f, 1.339f}, 2.36f, 0.19f, 0.00f, 0.00f}, /* 5 % */
+     {{0.000f, 0.000f, 1.596f, 0.000f, 0.000f, 1.184f}, 0.00f, 0.44f, 0.00f, 0.00f}}}, /* 14 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1.5f,
+     {{{0.000f, 0.000f, 0.776f, 0.120f, 0.000f, 0.000f}, 0.00f, 1.01f, 0.298f, 17.5f}, /* 7 % */
+     {{0.000f, 0.417f, 0.324f, 0.576f, 0.000f, 0.000f}, 0.00f, 1.16f, 0.450f, 28.4f}}}, /* 7 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 1, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.4f,
+     {{{0.000f, 0.000f, 0.917f, 0.000f, 0.000f, 0.000f}, 0.20f, 0.99f, 0.125f, 8.70f}, /* 10 % */
+     {{0.000f, 0.000f, 1.162f, 0.000f, 0.000f, 0.000f}, 0.01f, 0.84f, 0.0177f, 1.21f}}}, /* 17 % */
+    {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 0.9f,
+     {{{0.000f, 0.000f, 0.743f, 0.378f, 0.000f, 0.000f}, 0.13f, 0.93f, 0.209f, 6.15f}, /* 12 % */
+     {{0.000f, 0.000f, 0.525f, 1.130f, 0.000f, 0.000f}, 0.00f, 1.13f, 0.430f, 26.1f}}}, /* 11 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.5f,
+     {{{0.000f, 0.092f, 0.643f, 0.115f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.507f, 58.0f}, /* 7 % */
+     {{0.000f, 0.000f, 0.712f, 0.336f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.749f, 52.3f}}}, /* 12 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0, 1.5f,
+     {{{0.000f, 0.381f, 0.335f, 0.030f, 0.000f, 0.000f}, 0.71f, 0.69f, 0.832f, 131.f}, /* 10 % */
+     {{0.000f, 0.828f, 0.059f, 0.029f, 0.248f, 0.000f}, 0.27f, 0.97f, 0.803f, 55.2f}}}, /* 14 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0.9f,
+     {{{1.642f, 1.443f, 0.000f, 0.000f, 0.000f, 0.554f}, 0.08f, 0.45f, 0.125f, 10.3f}, /* 6 % */
+     {{0.000f, 0.000f, 1.487f, 0.000f, 0.000f, 1.109f}, 0.00f, 0.55f, 0.0193f, 1.10f}}}, /* 15 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200, 0.9f,
+     {{{0.000f, 0.000f, 0.000f, 3.023f, 160.348f, 0.000f}, 3.73f, 0.15f, 0.691f, 43.3f}, /* 4 % */
+     {{0.000f, 0.000f, 2.156f, 0.000f, 142.546f, 0.000f}, 0.00f, 0.28f, 9.29f, 242.f}}}, /* 12 % */
+    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32, 0.9f,
+     {{{0.000f, 0.000f, 0.000f, 0.532f, 26.184f, 0.000f}, 1.77f, 0.15f, 0.558f, 55.5f}, /* 4 % */
+     {{0.000f, 0.000f, 0.538f, 0.000f, 22.164f, 0.000f}, 0.58f, 0.36f, 2.91f, 107.f}}}, /* 11 % */
 };
 enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
 
@@ -6381,15 +6421,129 @@ static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float 
     return CONEMAP_F32;
 }
 
+/* ---- trials ---------------------------------------------------------------------------------------------------- */
+
+/* Ray k of a trial, from the box's top, places and angles spread evenly as the probes' are, elevations by the golden
+   ratio. Returns its length over the map's width for each unit of t. */
+static float conemap__plan_ray(int k, float depth, float lowest, conemap_ray *ray) {
+    double du = 2.0 * conemap__fraction(0.1 + 0.4142135623730951 * (double)k) - 1.0;
+    double dv = (k % 2 ? -1.0 : 1.0) * (1.0 - (du < 0.0 ? -du : du)), length = sqrt(du * du + dv * dv);
+    float elevation = lowest + (90.0f - lowest) * (float)conemap__fraction(0.6180339887498949 * (double)k);
+    float sideways = depth * conemap__plan_cotangent(elevation);
+    memset(ray, 0, sizeof *ray);
+    ray->origin[0] = (float)conemap__fraction(0.5 + 0.7548776662466927 * (double)k);
+    ray->origin[1] = (float)conemap__fraction(0.5 + 0.5698402909980532 * (double)k);
+    ray->origin[2] = 1.0f;
+    ray->direction[0] = (float)(du / length) * sideways;
+    ray->direction[1] = (float)(dv / length) * sideways;
+    ray->direction[2] = -1.0f;
+    return sqrtf(sideways * sideways + depth * depth);
+}
+
+/* Builds what is planned and traces it beside the walk over maxima, which misses nothing. Sets the bounds of misses and
+   errors: what was counted, and two standard deviations more. */
+static conemap_result conemap__plan_try(const conemap_plan_desc *desc, float depth, float lowest,
+                                        conemap_planned *planned) {
+    conemap_ray rays[CONEMAP__PLAN_BATCH];
+    conemap_hit hits[CONEMAP__PLAN_BATCH], truth[CONEMAP__PLAN_BATCH];
+    float lengths[CONEMAP__PLAN_BATCH];
+    double missed = 0.0, sum = 0.0, squares = 0.0, count = (double)CONEMAP__PLAN_TRIAL;
+    double size = (double)conemap__maxi(desc->statistics.width, desc->statistics.height);
+    conemap_desc build;
+    conemap_trace_desc walk;
+    conemap_map map;
+    conemap_result result;
+    int first, k;
+    memset(&build, 0, sizeof build);
+    memset(&walk, 0, sizeof walk);
+    build.heights = *desc->heights;
+    build.allocator = desc->allocator;
+    build.generator = planned->generator;
+    build.guarantee = planned->guarantee;
+    build.min3x3 = planned->min3x3;
+    build.texture.per_cell = planned->texture.per_cell;
+    build.keep_pyramid = 1;
+    walk.tracer = CONEMAP_TRACE_MAXMIP;
+    result = conemap_build(&build, &map);
+    for (first = 0; result == CONEMAP_OK && first < CONEMAP__PLAN_TRIAL; first += CONEMAP__PLAN_BATCH) {
+        for (k = 0; k < CONEMAP__PLAN_BATCH; ++k)
+            lengths[k] = conemap__plan_ray(first + k, depth, lowest, &rays[k]);
+        result = conemap_trace(&map, &walk, rays, truth, CONEMAP__PLAN_BATCH);
+        if (result == CONEMAP_OK) result = conemap_trace(&map, &planned->trace, rays, hits, CONEMAP__PLAN_BATCH);
+        for (k = 0; result == CONEMAP_OK && k < CONEMAP__PLAN_BATCH; ++k) {
+            int met = truth[k].status == CONEMAP_HIT, meets = hits[k].status == CONEMAP_HIT;
+            double apart = ((double)hits[k].t - (double)truth[k].t) * (double)lengths[k] * size;
+            double before = ((double)(meets ? hits[k].t_before : hits[k].t) - (double)truth[k].t) * (double)lengths[k];
+            if (!met && !meets) continue;         /* both see nothing, each to where it gives up */
+            if (met && before * size > (meets ? 1.0 : 1e-3)) missed += 1.0; /* a hit's last texel is its refinement's */
+            sum += apart < 0.0 ? -apart : apart;
+            squares += apart * apart;
+        }
+    }
+    conemap_free(&map);
+    sum /= count;
+    squares = squares / count - sum * sum;
+    planned->missed = (float)conemap__mind((missed + 2.0 * sqrt(missed) + 1.0) / count, 1.0);
+    planned->error = (float)(sum + 2.0 * sqrt(conemap__maxd(squares, 0.0) / count));
+    return result;
+}
+
+/* ---- choices --------------------------------------------------------------------------------------------------- */
+
+/* What a row of the table would take, and whether it could be chosen. cost: with its share of the build. */
+static int conemap__plan_forecast(const conemap_plan_desc *desc, const conemap__plan_row *row, const float *terms,
+                                  float cells, conemap_planned *planned, float *cost) {
+    const conemap_statistics *s = &desc->statistics;
+    const conemap__plan_fit *fit = &row->fit[conemap__plan_rough(s)];
+    float risk = conemap__plan_risk(row, s, cells), texels = (float)s->width * (float)s->height;
+    int term;
+    memset(planned, 0, sizeof *planned);
+    planned->generator = row->generator;
+    planned->guarantee = row->guarantee;
+    planned->min3x3 = row->min3x3;
+    planned->texture.per_cell = row->per_cell;
+    planned->texture.sectors = row->sectors;
+    planned->keep_pyramid = row->tracer == CONEMAP_TRACE_MAXMIP || row->tracer == CONEMAP_TRACE_QDM;
+    planned->prepared = row->prepared;
+    planned->trace.tracer = row->tracer;
+    planned->trace.refinement = row->refinement;
+    planned->trace.max_steps = row->max_steps;
+    for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) planned->steps += fit->steps[term] * terms[term];
+    if (row->max_steps) planned->steps = conemap__min(planned->steps, (float)row->max_steps);
+    planned->time = fit->ray + fit->step * planned->steps;
+    planned->build_time = row->build * texels;
+    planned->missed = conemap__min(fit->missed * risk, 1.0f);
+    planned->error = fit->error * risk;
+    planned->within_budget = (desc->max_steps == 0.0f || planned->steps <= desc->max_steps) &&
+                             (desc->max_time == 0.0f || planned->time <= desc->max_time);
+    *cost = planned->time;
+    if (desc->rays_per_build > 0.0f) *cost += planned->build_time / desc->rays_per_build;
+    return !(row->prepared && desc->no_prepared) && !(row->sectors && desc->no_sectors);
+}
+
+/* Is it proven to miss nothing? */
+CONEMAP__INLINE int conemap__plan_sure(const conemap__plan_row *row) {
+    return row->prepared || row->tracer == CONEMAP_TRACE_MAXMIP ||
+           (row->tracer == CONEMAP_TRACE_EXACT && row->guarantee == CONEMAP_GUARANTEE_BILINEAR);
+}
+
+CONEMAP__INLINE int conemap__plan_tolerates(const conemap_plan_desc *desc, const conemap_planned *planned) {
+    return (desc->max_missed == 0.0f || planned->missed <= desc->max_missed) &&
+           (desc->max_error == 0.0f || planned->error <= desc->max_error);
+}
+
 CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_planned *planned) {
     const conemap_statistics *s;
-    float depth, lowest, terms[CONEMAP__PLAN_TERMS], cells, best = CONEMAP__FAR, texels;
-    int k, term, tolerant, rough;
+    conemap_planned rows[CONEMAP__PLAN_ROWS];
+    float depth, lowest, terms[CONEMAP__PLAN_TERMS], cells, costs[CONEMAP__PLAN_ROWS];
+    int open[CONEMAP__PLAN_ROWS], k, best, tolerant;
     if (!planned) return CONEMAP_ERROR_NULL;
     memset(planned, 0, sizeof *planned);
     if (!desc) return CONEMAP_ERROR_NULL;
     s = &desc->statistics;
     if (s->width < 1 || s->height < 1 || s->width > CONEMAP_MAX_SIZE || s->height > CONEMAP_MAX_SIZE)
+        return CONEMAP_ERROR_SIZE;
+    if (desc->heights && (desc->heights->width != s->width || desc->heights->height != s->height))
         return CONEMAP_ERROR_SIZE;
     depth = desc->depth == 0.0f ? 0.25f : desc->depth;
     lowest = desc->lowest_elevation == 0.0f ? 5.0f : desc->lowest_elevation;
@@ -6404,41 +6558,25 @@ CONEMAP__DEF conemap_result conemap_plan(const conemap_plan_desc *desc, conemap_
         return CONEMAP_ERROR_PARAMETER;
     tolerant = desc->max_missed > 0.0f || desc->max_error > 0.0f;
     cells = conemap__plan_terms(s, depth, lowest, terms);
-    rough = conemap__plan_rough(s);
-    texels = (float)s->width * (float)s->height;
     for (k = 0; k < (int)CONEMAP__PLAN_ROWS; ++k) {
-        const conemap__plan_row *row = &conemap__plan_rows[k];
-        float steps = 0.0f, risk = conemap__plan_risk(row, s, cells),
-              missed = conemap__min(row->missed[rough] * risk, 1.0f);
-        float error = row->error[rough] * risk, cost;
-        int fits;
-        if (!tolerant && (row->missed[1] > 0.0f || row->error[1] > 0.0f)) continue;
-        if (desc->max_missed > 0.0f && missed > desc->max_missed) continue;
-        if (desc->max_error > 0.0f && error > desc->max_error) continue;
-        for (term = 0; term < CONEMAP__PLAN_TERMS; ++term) steps += row->steps[term] * terms[term];
-        if (row->max_steps) steps = conemap__min(steps, (float)row->max_steps);
-        cost = row->ray + row->step * steps;
-        fits =
-            (desc->max_steps == 0.0f || steps <= desc->max_steps) && (desc->max_time == 0.0f || cost <= desc->max_time);
-        if (desc->rays_per_build > 0.0f) cost += row->build * texels / desc->rays_per_build;
-        if (planned->within_budget > fits || (planned->within_budget == fits && cost >= best)) continue;
-        best = cost;
-        memset(planned, 0, sizeof *planned);
-        planned->generator = row->generator;
-        planned->guarantee = row->guarantee;
-        planned->texture.per_cell = row->per_cell;
-        planned->texture.format = conemap__plan_format(desc, depth, lowest, error);
-        planned->keep_pyramid = row->tracer == CONEMAP_TRACE_MAXMIP || row->tracer == CONEMAP_TRACE_QDM;
-        planned->trace.tracer = row->tracer;
-        planned->trace.refinement = row->refinement;
-        planned->trace.max_steps = row->max_steps;
-        planned->steps = steps;
-        planned->time = row->ray + row->step * steps;
-        planned->build_time = row->build * texels;
-        planned->missed = missed;
-        planned->error = error;
-        planned->within_budget = fits;
+        int sure = conemap__plan_sure(&conemap__plan_rows[k]);
+        open[k] = conemap__plan_forecast(desc, &conemap__plan_rows[k], terms, cells, &rows[k], &costs[k]) &&
+                  (sure || (tolerant && (desc->heights || conemap__plan_tolerates(desc, &rows[k]))));
     }
+    for (;;) { /* until what is cheapest keeps the tolerances; the first row always does, and is always open */
+        for (best = 0, k = 1; k < (int)CONEMAP__PLAN_ROWS; ++k)
+            if (open[k] && (rows[k].within_budget > rows[best].within_budget ||
+                            (rows[k].within_budget == rows[best].within_budget && costs[k] < costs[best])))
+                best = k;
+        if (desc->heights && !conemap__plan_sure(&conemap__plan_rows[best])) {
+            conemap_result result = conemap__plan_try(desc, depth, lowest, &rows[best]);
+            if (result != CONEMAP_OK) return result;
+            open[best] = conemap__plan_tolerates(desc, &rows[best]);
+        }
+        if (open[best]) break;
+    }
+    *planned = rows[best];
+    planned->texture.format = conemap__plan_format(desc, depth, lowest, planned->error);
     return CONEMAP_OK;
 }
 

@@ -3,7 +3,8 @@
 #ifndef EXAMPLES_REPORT_H
 #define EXAMPLES_REPORT_H
 
-#define TIMES 11 /* rounds of times, interleaved */
+#define TIMES 11     /* rounds of times, interleaved */
+#define FULL_TIMES 3 /* with --full, where a round takes minutes */
 
 enum { HEIGHTS_ONLY = 1, FROM_BEFORE = 2 }; /* struct cones, from */
 
@@ -12,7 +13,7 @@ struct cone_kind {
     conemap_generator generator;
     conemap_guarantee guarantee;
     float slack;
-    int min3x3, per_cell;
+    int min3x3, per_cell, sectors;
     conemap_format format;
     int from; /* 0: built; HEIGHTS_ONLY: none; FROM_BEFORE: the 3x3 minimum of the line before, which is slow to build */
 };
@@ -21,14 +22,17 @@ struct cones {
     const struct cone_kind *kind;
     int built;
     conemap_map map;
+    conemap_prepared prepared; /* of heights only */
     float *own;
     double seconds, aperture, bytes; /* to build; mean of min(tan, 1); a texel */
+    double prepare_seconds;
 };
 
 struct tracer {
     const char *name;
     conemap_tracer tracer;
     int heights, cones, more; /* texels read: of heights and of cones a step, of heights a ray besides */
+    int prepared;
 };
 
 struct method {
@@ -97,14 +101,15 @@ static void print_table(const struct result *results, int count) {
            "ratio", "%", "%", "ratio", "texel", "dB");
     for (int k = 0; k < count; ++k) {
         const struct result *r = &results[k];
-        char build[24] = "     -     -";
+        char build[24] = "     -     -", error[16];
         if (r->generation > 0)
             snprintf(build, sizeof build, "%6.*f %5.0f", r->generation < 1 ? 1 : 0, r->generation * 1e3,
                      r->generation / least.generation);
-        printf("%2d%s%-27.27s %12.12s %4.3g %6.2f %5.2f %4.0f %5.2f %5.2f %4.1f %5.2f %5.1g %4.1f\n", k + 1,
+        snprintf(error, sizeof error, r->mean_error < 1e-3 ? "%5.0e" : "%5.1g", r->mean_error);
+        printf("%2d%s%-27.27s %12.12s %4.3g %6.2f %5.2f %4.0f %5.2f %5.2f %4.1f %5.2f %5s %4.1f\n", k + 1,
                r->pareto ? "*" : " ", r->name, build, r->bytes, r->steps, r->steps / least.steps, r->steps999,
                r->time / least.time, r->missed * 100, r->unconverged * 100,
-               (r->heights + r->cone_texels) / least.texels, r->mean_error, r->psnr);
+               (r->heights + r->cone_texels) / least.texels, error, r->psnr);
     }
 }
 
@@ -236,6 +241,8 @@ static void put_mark(FILE *svg, const char *tracer, double x, double y) {
         fprintf(svg, "<circle cx='%.1f' cy='%.1f' r='4' fill='#fff' stroke='#000'/>\n", x, y);
     else if (strcmp(tracer, "exact-step") == 0)
         fprintf(svg, "<rect x='%.1f' y='%.1f' width='7' height='7' fill='#fff' stroke='#000'/>\n", x - 3.5, y - 3.5);
+    else if (strcmp(tracer, "prepared") == 0)
+        fprintf(svg, "<rect x='%.1f' y='%.1f' width='8' height='8' stroke='#000'/>\n", x - 4, y - 4);
     else
         fprintf(svg, "<path d='M%.1f %.1f l8 8 m0 -8 l-8 8' stroke='#000' stroke-width='1.6'/>\n", x - 4, y - 4);
 }
@@ -342,12 +349,63 @@ static void plot_apertures(FILE *svg, const struct plotted *m, double x, double 
         put_label(&p, panel_x(&p, m->generation[k]), panel_y(&p, m->aperture[k]), m->kind[k], 0);
 }
 
-/* The whole picture: the key of the numbers, and two plots a map. */
+/* [BV24] Figure 4: a cut through a step, the cones of its two texels, and between them the interpolated one; black is
+   what of the surface that one holds. From a map of one row. */
+static int plot_cut(FILE *svg, const char *title, conemap_guarantee guarantee, int min3x3, double x, double y, double w,
+                    double h) {
+    static const float heights[6] = {0.10f, 0.10f, 0.55f, 0.40f, 0.70f, 0.70f};
+    static const double at[3] = {1.5 / 6, 2.5 / 6, 2.0 / 6};
+    enum { COLUMNS = 240 };
+    conemap_desc desc;
+    conemap_map map;
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = heights;
+    desc.heights.width = 6;
+    desc.heights.height = 1;
+    desc.guarantee = guarantee;
+    desc.min3x3 = min3x3;
+    conemap_result result = conemap_build(&desc, &map);
+    if (result != CONEMAP_OK) return fail_result(title, result);
+    fprintf(svg, "<rect x='%.1f' y='%.1f' width='%.1f' height='%.1f' fill='none' stroke='#000'/>\n", x, y, w, h);
+    fprintf(svg, "<text x='%.1f' y='%.1f' font-size='13' font-weight='bold'>%s</text>\n", x, y - 8, title);
+    fprintf(svg, "<polygon fill='#ddd' stroke='none' points='%.1f,%.1f ", x, y + h);
+    for (int k = 0; k <= COLUMNS; ++k) {
+        conemap_sample sample;
+        if (conemap_sample_at(&map, (float)k / COLUMNS, 0.5f, &sample) != CONEMAP_OK) break;
+        fprintf(svg, "%.1f,%.1f ", x + w * k / COLUMNS, y + h - w * (double)sample.height);
+    }
+    fprintf(svg, "%.1f,%.1f'/>\n", x + w, y + h);
+    for (int c = 0; c < 3; ++c) {
+        conemap_sample apex, sample;
+        if (conemap_sample_at(&map, (float)at[c], 0.5f, &apex) != CONEMAP_OK) break;
+        double top = h / w, up = top - (double)apex.height, side = up * (double)apex.tan;
+        double left = fmin(side, at[c]), right = fmin(side, 1 - at[c]);
+        fprintf(svg, "<polyline fill='none' stroke='#000' %s points='%.1f,%.1f %.1f,%.1f %.1f,%.1f'/>\n",
+                c == 2 ? "stroke-width='2'" : "stroke-dasharray='4 3'", x + w * (at[c] - left),
+                y + h - w * ((double)apex.height + left / (double)apex.tan), x + w * at[c],
+                y + h - w * (double)apex.height, x + w * (at[c] + right),
+                y + h - w * ((double)apex.height + right / (double)apex.tan));
+        if (c < 2) continue;
+        fprintf(svg, "<polygon fill='#000' stroke='none' points='");
+        for (int k = 0; k <= 2 * COLUMNS; ++k) { /* there along the lower of cone and surface, back along the surface */
+            double u = (double)(k <= COLUMNS ? k : 2 * COLUMNS - k) / COLUMNS;
+            if (conemap_sample_at(&map, (float)u, 0.5f, &sample) != CONEMAP_OK) break;
+            double z = (double)sample.height, cone = (double)apex.height + fabs(u - at[c]) / (double)apex.tan;
+            fprintf(svg, "%.1f,%.1f ", x + w * u, y + h - w * (k <= COLUMNS ? fmin(cone, z) : z));
+        }
+        fprintf(svg, "'/>\n");
+    }
+    conemap_free(&map);
+    return 1;
+}
+
+/* The whole picture: the key of the numbers, two plots a map, and the cuts. */
 static void write_svg(FILE *svg, const struct plotted *maps, int count) {
-    static const char *const shapes[] = {"linear", "qdm", "exact", "cell-max", "exact-step", "loop"};
-    static const char *const said[] = {"linear",   "maxima (maxmip, qdm)", "exact",
+    static const char *const shapes[] = {"linear", "qdm", "exact", "prepared", "cell-max", "exact-step", "loop"};
+    static const char *const said[] = {"linear",   "maxima (maxmip, qdm)", "exact",      "prepared",
                                        "cell-max", "exact-step",           "loop, fixed"};
-    int rows = (maps[0].count + 2) / 3, width = 1240, row = 460, top = 70 + 15 * rows, height = top + 40 + row * count;
+    int rows = (maps[0].count + 2) / 3, width = 1240, row = 460, top = 70 + 15 * rows;
+    int height = top + 40 + row * count + 330;
     fprintf(
         svg,
         "<svg xmlns='http://www.w3.org/2000/svg' width='%d' height='%d' viewBox='0 0 %d %d' font-family='sans-serif' "
@@ -355,9 +413,9 @@ static void write_svg(FILE *svg, const struct plotted *maps, int count) {
         width, height, width, height);
     fprintf(svg,
             "<text x='60' y='26' font-size='16' font-weight='bold'>conemap.h: what accuracy costs in time</text>\n");
-    for (int k = 0; k < 6; ++k) {
-        put_mark(svg, shapes[k], 66 + 140 * k + (k > 1 ? 40 : 0), 44);
-        fprintf(svg, "<text x='%d' y='48'>%s</text>\n", 76 + 140 * k + (k > 1 ? 40 : 0), said[k]);
+    for (int k = 0; k < 7; ++k) {
+        put_mark(svg, shapes[k], 66 + 120 * k + (k > 1 ? 40 : 0), 44);
+        fprintf(svg, "<text x='%d' y='48'>%s</text>\n", 76 + 120 * k + (k > 1 ? 40 : 0), said[k]);
     }
     fprintf(svg, "<text x='1000' y='48'>dashed: nothing is better in both</text>\n");
     for (int k = 0; k < maps[0].count; ++k)
@@ -368,6 +426,10 @@ static void write_svg(FILE *svg, const struct plotted *maps, int count) {
         plot_errors(svg, &maps[k], 62, y, 600, row - 80);
         plot_apertures(svg, &maps[k], 745, y, 475, row - 80);
     }
+    double y = top + 40 + row * count;
+    plot_cut(svg, "vertex cones, interpolated ([BV24] Figure 4)", CONEMAP_GUARANTEE_VERTEX, 0, 62, y, 360, 288);
+    plot_cut(svg, "after the 3x3 minimum", CONEMAP_GUARANTEE_VERTEX, 1, 462, y, 360, 288);
+    plot_cut(svg, "safe cones", CONEMAP_GUARANTEE_BILINEAR, 0, 862, y, 360, 288);
     fprintf(svg, "</svg>\n");
 }
 

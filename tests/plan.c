@@ -146,6 +146,7 @@ static double missed_share(const float *pixels, int width, int height, const con
     struct truth_map truth = {width, height, 0, 0, NULL};
     conemap_desc desc;
     conemap_map map;
+    conemap_prepared prepared;
     double missed = 0.0;
     int k, c;
     memset(&desc, 0, sizeof desc);
@@ -166,7 +167,11 @@ static double missed_share(const float *pixels, int width, int height, const con
         rays[k].direction[1] = sinf(azimuth) * cosf(elevation);
         rays[k].direction[2] = -sinf(elevation) / 0.25f;
     }
-    CHECK(conemap_trace(&map, &plan->trace, rays, hits, RAYS) == CONEMAP_OK, "the plan cannot be traced");
+    if (plan->prepared) {
+        CHECK(conemap_prepare(&map, NULL, &prepared) == CONEMAP_OK, "the plan cannot be prepared");
+        CHECK(conemap_trace_prepared(&prepared, rays, hits, RAYS) == CONEMAP_OK, "the plan cannot be traced");
+        conemap_free_prepared(&prepared);
+    } else CHECK(conemap_trace(&map, &plan->trace, rays, hits, RAYS) == CONEMAP_OK, "the plan cannot be traced");
     truth.heights = map.heights;
     *steps = 0.0;
     for (k = 0; k < RAYS; ++k) {
@@ -192,35 +197,100 @@ static void choices_keep_their_tolerance(void)
     static const float tolerances[] = {0.0f, 0.002f, 0.02f, 0.2f, 1.0f};
     float pixels[W * H];
     double off = 0.0;
-    int k, n, plans = 0;
-    for (k = 0; k < (int)(sizeof kinds / sizeof kinds[0]); ++k) {
-        conemap_heights heights = described(pixels, W, H);
-        conemap_plan_desc desc;
-        float before = 0.0f;
-        zoo_fill(kinds[k], W, H, 9, pixels);
-        memset(&desc, 0, sizeof desc);
-        REQUIRE(conemap_get_statistics(&heights, &desc.statistics) == CONEMAP_OK, "%s", zoo_name(kinds[k]));
-        for (n = 0; n < 5; ++n) {
-            conemap_planned plan, again;
-            double missed, steps = 0.0;
-            desc.max_missed = tolerances[n];
-            memset(&plan, 1, sizeof plan);
-            memset(&again, 2, sizeof again);
-            REQUIRE(conemap_plan(&desc, &plan) == CONEMAP_OK && conemap_plan(&desc, &again) == CONEMAP_OK, "no plan");
-            CHECK(memcmp(&plan, &again, sizeof plan) == 0, "two plans for the same needs differ");
-            CHECK(plan.within_budget && plan.missed <= tolerances[n], "%s: the plan breaks its own tolerance",
-                  zoo_name(kinds[k]));
-            CHECK(n == 0 || plan.time <= before, "%s: tolerating more costs more", zoo_name(kinds[k]));
-            before = plan.time;
-            missed = missed_share(pixels, W, H, &plan, &steps);
-            CHECK(n == 0 ? !(missed > 0.0) : missed <= (double)tolerances[n], "%s: %g of rays missed, %g tolerated",
-                  zoo_name(kinds[k]), missed, (double)tolerances[n]);
-            if (steps > 0.0) off += fabs((double)plan.steps / steps - 1.0);
-            ++plans;
+    int k, n, way, plans = 0;
+    for (k = 0; k < (int)(sizeof kinds / sizeof kinds[0]); ++k)
+        for (way = 0; way < 2; ++way) {
+            conemap_heights heights = described(pixels, W, H);
+            conemap_plan_desc desc;
+            float before = 0.0f;
+            zoo_fill(kinds[k], W, H, 9, pixels);
+            memset(&desc, 0, sizeof desc);
+            desc.no_prepared = way;
+            REQUIRE(conemap_get_statistics(&heights, &desc.statistics) == CONEMAP_OK, "%s", zoo_name(kinds[k]));
+            for (n = 0; n < 5; ++n) {
+                conemap_planned plan, again;
+                double missed, steps = 0.0;
+                desc.max_missed = tolerances[n];
+                memset(&plan, 1, sizeof plan);
+                memset(&again, 2, sizeof again);
+                REQUIRE(conemap_plan(&desc, &plan) == CONEMAP_OK && conemap_plan(&desc, &again) == CONEMAP_OK,
+                        "no plan");
+                CHECK(memcmp(&plan, &again, sizeof plan) == 0, "two plans for the same needs differ");
+                CHECK(plan.within_budget && plan.missed <= tolerances[n], "%s: the plan breaks its own tolerance",
+                      zoo_name(kinds[k]));
+                CHECK(n == 0 || plan.time <= before, "%s: tolerating more costs more", zoo_name(kinds[k]));
+                CHECK(!plan.prepared || !way, "%s: prepared though that is ruled out", zoo_name(kinds[k]));
+                before = plan.time;
+                missed = missed_share(pixels, W, H, &plan, &steps);
+                CHECK(n == 0 ? !(missed > 0.0) : missed <= (double)tolerances[n], "%s: %g of rays missed, %g tolerated",
+                      zoo_name(kinds[k]), missed, (double)tolerances[n]);
+                if (steps > 0.0) off += fabs((double)plan.steps / steps - 1.0);
+                ++plans;
+            }
         }
-    }
     CHECK(off / plans < 0.5, "steps are off by %g as a mean", off / plans);
     test_note("steps planned are off by %.0f %% as a mean", off / plans * 100.0);
+}
+
+static void *no_memory(size_t size, void *user)
+{
+    (void)size;
+    ++*(int *)user;
+    return NULL;
+}
+
+static void no_release(void *memory, void *user)
+{
+    (void)memory;
+    (void)user;
+}
+
+/* Bounds from statistics rule out what a trial finds to be good enough. */
+static void trials_count(void)
+{
+    enum { W = 200, H = 150 };
+    static float pixels[W * H];
+    conemap_heights heights = described(pixels, W, H);
+    conemap_plan_desc desc;
+    conemap_planned guessed, tried, again;
+    double missed, steps;
+    int asked = 0;
+    zoo_fill(ZOO_FBM, W, H, 9, pixels);
+    memset(&desc, 0, sizeof desc);
+    REQUIRE(conemap_get_statistics(&heights, &desc.statistics) == CONEMAP_OK, "statistics");
+    desc.no_prepared = 1;
+    desc.max_missed = 0.0005f;
+    REQUIRE(conemap_plan(&desc, &guessed) == CONEMAP_OK, "no plan");
+    desc.heights = &heights;
+    memset(&tried, 1, sizeof tried);
+    memset(&again, 2, sizeof again);
+    REQUIRE(conemap_plan(&desc, &tried) == CONEMAP_OK && conemap_plan(&desc, &again) == CONEMAP_OK, "no trial");
+    CHECK(memcmp(&tried, &again, sizeof tried) == 0, "two trials of the same differ");
+    CHECK(tried.time < guessed.time, "trials find nothing cheaper: %g, %g", (double)tried.time, (double)guessed.time);
+    CHECK(tried.missed > 0.0f && tried.missed <= desc.max_missed, "a bound of misses: %g", (double)tried.missed);
+    missed = missed_share(pixels, W, H, &tried, &steps);
+    CHECK(missed <= (double)desc.max_missed, "%g of rays missed", missed);
+
+    zoo_fill(ZOO_WHITE, W, H, 9, pixels); /* statistics that promise too much don't deceive a trial */
+    REQUIRE(conemap_plan(&desc, &tried) == CONEMAP_OK, "no trial");
+    missed = missed_share(pixels, W, H, &tried, &steps);
+    CHECK(missed <= (double)desc.max_missed, "white noise: %g of rays missed", missed);
+    desc.max_missed = 0.0f;
+    desc.max_error = 0.5f;
+    REQUIRE(conemap_plan(&desc, &tried) == CONEMAP_OK, "no trial");
+    CHECK(tried.error > 0.0f && tried.error <= 0.5f, "white noise: error %g", (double)tried.error);
+
+    heights.height = H - 1;
+    CHECK(conemap_plan(&desc, &tried) == CONEMAP_ERROR_SIZE && is_zero(&tried, sizeof tried), "another size");
+    heights.height = H;
+    desc.allocator.allocate = no_memory;
+    desc.allocator.user = &asked;
+    CHECK(conemap_plan(&desc, &tried) == CONEMAP_ERROR_NULL && is_zero(&tried, sizeof tried), "half an allocator");
+    desc.allocator.release = no_release;
+    CHECK(conemap_plan(&desc, &tried) == CONEMAP_ERROR_MEMORY && asked > 0 && is_zero(&tried, sizeof tried),
+          "no memory for a trial");
+    desc.max_error = 0.0f;
+    CHECK(conemap_plan(&desc, &tried) == CONEMAP_OK, "without a tolerance nothing is tried");
 }
 
 static void budgets_and_builds_count(void)
@@ -233,7 +303,18 @@ static void budgets_and_builds_count(void)
     zoo_fill(ZOO_FBM, W, W, 3, pixels);
     memset(&desc, 0, sizeof desc);
     REQUIRE(conemap_get_statistics(&heights, &desc.statistics) == CONEMAP_OK, "statistics");
-    REQUIRE(conemap_plan(&desc, &once) == CONEMAP_OK && once.within_budget, "no plan");
+    REQUIRE(conemap_plan(&desc, &once) == CONEMAP_OK && once.within_budget && once.prepared, "no prepared plan");
+    desc.no_prepared = 1;
+    REQUIRE(conemap_plan(&desc, &plan) == CONEMAP_OK && !plan.prepared, "no plan without the prepared tracer");
+    CHECK(once.time < plan.time, "the prepared tracer is the fastest");
+    desc.max_steps = 0.9f * plan.steps; /* too few for one cone in all directions */
+    REQUIRE(conemap_plan(&desc, &once) == CONEMAP_OK, "no plan");
+    CHECK(once.within_budget && once.texture.sectors > 1, "few steps are for sectors");
+    desc.no_sectors = 1;
+    REQUIRE(conemap_plan(&desc, &once) == CONEMAP_OK, "no plan");
+    CHECK(once.texture.sectors <= 1, "sectors though they are ruled out");
+    desc.max_steps = 0.0f;
+    once = plan;
     CHECK(once.guarantee == CONEMAP_GUARANTEE_BILINEAR && once.trace.tracer == CONEMAP_TRACE_EXACT,
           "a smooth map that is built once is for cones");
     CHECK(once.texture.format == CONEMAP_F32, "exact hits need exact heights");
@@ -259,6 +340,7 @@ const struct test_case plan_tests[] = {
     {"statistics are right", statistics_are_right},
     {"bad input is refused", bad_input_is_refused},
     {"choices keep their tolerance", choices_keep_their_tolerance},
+    {"trials count", trials_count},
     {"budgets and builds count", budgets_and_builds_count},
     {NULL, NULL},
 };
