@@ -11603,9 +11603,9 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    }\n"
      "    return sum;\n"
      "}\n"},
-    {"conemap_beside",
+    {"conemap_row_beside",
      "// The frustum of a chain that a place is beside, a few up or down from `frustum`.\n"
-     "$FNint conemap_beside(int frustum, vec3 place) {\n"
+     "$FNint conemap_row_beside(int frustum, vec3 place) {\n"
      "    for (int k = 0; k < 4; ++k) {\n"
      "        conemap_frustum f = conemap_load(frustum);\n"
      "        vec3 p = conemap_place_into(f, place);\n"
@@ -11624,7 +11624,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    for (int k = 0; k < 64 && branch >= 0; ++k) {\n"
      "        vec4 radii = conemap_real4(conemap_row(branch, 5));\n"
      "        if (branch != except) {\n"
-     "            int beside = conemap_beside(branch, place);\n"
+     "            int beside = conemap_row_beside(branch, place);\n"
      "            sum = conemap_mix_normal(beside, place, $BLEND * (radii.x + radii.z), beside == branch, sum);\n"
      "        }\n"
      "        branch = conemap_row(branch, 7).w;\n"
@@ -11649,7 +11649,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "        normal = conemap_mix_branches(links.z, -1, place, normal);\n"
      "        if ((conemap_row(at, 8).x & 2) != 0) { // a branch\n"
      "            vec4 radii = conemap_real4(conemap_row(at, 5));\n"
-     "            int beside = conemap_beside(links.x, place);\n"
+     "            int beside = conemap_row_beside(links.x, place);\n"
      "            normal = conemap_mix_normal(beside, place, $BLEND * (radii.x + radii.z), false, normal);\n"
      "            normal = conemap_mix_branches(conemap_row(links.x, 7).z, at, place, normal);\n"
      "            links.x = -1;\n"

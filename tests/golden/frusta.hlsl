@@ -412,12 +412,8 @@ float3 conemap_place_out_of(conemap_frustum f, float3 p) {
     return float3(x.w + d.x, y.w + d.y, z.w + d.z);
 }
 
-struct conemap_block {
-    int node, low, high; // its number; offsets of its texels from the texel's own
-};
-
 // The frustum of a chain that a place is beside, a few up or down from `frustum`.
-int conemap_beside(int frustum, float3 place) {
+int conemap_row_beside(int frustum, float3 place) {
     for (int k = 0; k < 4; ++k) {
         conemap_frustum f = conemap_load(frustum);
         float3 p = conemap_place_into(f, place);
@@ -428,22 +424,6 @@ int conemap_beside(int frustum, float3 place) {
         frustum = next;
     }
     return frustum;
-}
-
-// On one axis the block of level k that is `side` blocks beside a texel's own; low > high: there is none. A wrapping
-// axis is seen from -size / 2 to size / 2.
-conemap_block conemap_beside(int at, int side, int size, int k, bool repeats) {
-    int count = ((size - 1) >> k) + 1, node = (at >> k) + side;
-    int shift = node < 0 ? -size : node >= count ? size : 0, end = size - 1 + shift - at;
-    conemap_block b;
-    b.node = shift < 0 ? count - 1 : shift > 0 ? 0 : node;
-    b.low = (b.node << k) + shift - at;
-    b.high = ((b.node + 1) << k) - 1 + shift - at;
-    if (b.high > end) b.high = end;
-    if (repeats && b.low < -(size >> 1)) b.low = -(size >> 1);
-    if (repeats && b.high > size >> 1) b.high = size >> 1;
-    if (!repeats && shift != 0) b.high = b.low - 1;
-    return b;
 }
 
 // Adds the normal of a frustum that comes near a place of the world: all of it where the place lies on it, nothing from
@@ -467,7 +447,7 @@ float3 conemap_mix_branches(int first, int except, float3 place, float3 sum) {
     for (int k = 0; k < 64 && branch >= 0; ++k) {
         float4 radii = conemap_real4(conemap_row(branch, 5));
         if (branch != except) {
-            int beside = conemap_beside(branch, place);
+            int beside = conemap_row_beside(branch, place);
             sum = conemap_mix_normal(beside, place, 5.0e-1 * (radii.x + radii.z), beside == branch, sum);
         }
         branch = conemap_row(branch, 7).w;
@@ -490,7 +470,7 @@ float3 conemap_blend(int frustum, float3 place, float3 normal) {
         normal = conemap_mix_branches(links.z, -1, place, normal);
         if ((conemap_row(at, 8).x & 2) != 0) { // a branch
             float4 radii = conemap_real4(conemap_row(at, 5));
-            int beside = conemap_beside(links.x, place);
+            int beside = conemap_row_beside(links.x, place);
             normal = conemap_mix_normal(beside, place, 5.0e-1 * (radii.x + radii.z), false, normal);
             normal = conemap_mix_branches(conemap_row(links.x, 7).z, at, place, normal);
             links.x = -1;

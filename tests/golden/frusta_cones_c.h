@@ -449,12 +449,8 @@ static fcones_vec3 fcones_place_out_of(fcones_frustum f, fcones_vec3 p) {
     return fcones_make_vec3(x.w + d.x, y.w + d.y, z.w + d.z);
 }
 
-typedef struct fcones_block {
-    int node, low, high; // its number; offsets of its texels from the texel's own
-} fcones_block;
-
 // The frustum of a chain that a place is beside, a few up or down from `frustum`.
-static int fcones_beside(int frustum, fcones_vec3 place) {
+static int fcones_row_beside(int frustum, fcones_vec3 place) {
     for (int k = 0; k < 4; ++k) {
         fcones_frustum f = fcones_load(frustum);
         fcones_vec3 p = fcones_place_into(f, place);
@@ -465,22 +461,6 @@ static int fcones_beside(int frustum, fcones_vec3 place) {
         frustum = next;
     }
     return frustum;
-}
-
-// On one axis the block of level k that is `side` blocks beside a texel's own; low > high: there is none. A wrapping
-// axis is seen from -size / 2 to size / 2.
-static fcones_block fcones_beside(int at, int side, int size, int k, bool repeats) {
-    int count = ((size - 1) >> k) + 1, node = (at >> k) + side;
-    int shift = node < 0 ? -size : node >= count ? size : 0, end = size - 1 + shift - at;
-    fcones_block b;
-    b.node = shift < 0 ? count - 1 : shift > 0 ? 0 : node;
-    b.low = (b.node << k) + shift - at;
-    b.high = ((b.node + 1) << k) - 1 + shift - at;
-    if (b.high > end) b.high = end;
-    if (repeats && b.low < -(size >> 1)) b.low = -(size >> 1);
-    if (repeats && b.high > size >> 1) b.high = size >> 1;
-    if (!repeats && shift != 0) b.high = b.low - 1;
-    return b;
 }
 
 // Adds the normal of a frustum that comes near a place of the world: all of it where the place lies on it, nothing from
@@ -504,7 +484,7 @@ static fcones_vec3 fcones_mix_branches(int first, int except, fcones_vec3 place,
     for (int k = 0; k < 64 && branch >= 0; ++k) {
         fcones_vec4 radii = fcones_real4(fcones_row(branch, 5));
         if (branch != except) {
-            int beside = fcones_beside(branch, place);
+            int beside = fcones_row_beside(branch, place);
             sum = fcones_mix_normal(beside, place, 6.99999988e-1f * (radii.x + radii.z), beside == branch, sum);
         }
         branch = fcones_row(branch, 7).w;
@@ -527,7 +507,7 @@ static fcones_vec3 fcones_blend(int frustum, fcones_vec3 place, fcones_vec3 norm
         normal = fcones_mix_branches(links.z, -1, place, normal);
         if ((fcones_row(at, 8).x & 2) != 0) { // a branch
             fcones_vec4 radii = fcones_real4(fcones_row(at, 5));
-            int beside = fcones_beside(links.x, place);
+            int beside = fcones_row_beside(links.x, place);
             normal = fcones_mix_normal(beside, place, 6.99999988e-1f * (radii.x + radii.z), false, normal);
             normal = fcones_mix_branches(fcones_row(links.x, 7).z, at, place, normal);
             links.x = -1;
