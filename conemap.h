@@ -661,7 +661,7 @@ typedef struct conemap_plan_desc {
     float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
     float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
     int no_prepared;        /* nonzero: conemap_trace or a shader traces, not conemap_trace_prepared */
-    int no_sectors;         /* nonzero: one cone a texel, as where a shader knows no sectors */
+    int no_sectors;         /* nonzero: one cone a texel, which is one texture instead of two or three */
     const conemap_heights *heights; /* only read. Null, or those of the statistics: what may miss is tried on them */
     conemap_allocator allocator; /* for trials; null: CONEMAP_MALLOC and CONEMAP_FREE */
 } conemap_plan_desc;
