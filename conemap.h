@@ -726,7 +726,7 @@ typedef struct conemap_prepare_desc {
 /* Read-only for the caller. A plain struct, which may be copied or moved: free one copy only. */
 typedef struct conemap_prepared {
     const conemap_map *map;
-    const uint64_t *table;  /* width * height records, private in what they hold */
+    const uint32_t *table;  /* 2 * width * height words, private in what they hold */
     int width, height;      /* cells; those in the outer half texel of CLAMP belong to their neighbours */
     size_t memory_size;     /* bytes held beside the map */
     double bytes_per_texel; /* the same for a texel of the map: 8 at most */
@@ -755,7 +755,7 @@ typedef struct conemap_hit_arrays { /* any may be null: not wanted */
 /* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses nothing.
    map: stays where it is while *prepared is in use; after conemap_update, prepare again. desc: null for the defaults.
    prepared: overwritten; zeroed unless OK. Takes the table and, during the call, about twice as much again from the
-   allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW, MEMORY, BUFFER,
+   allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW (also of an axis beyond 2^21 texels), MEMORY, BUFFER,
    ALIGNMENT. Thread-safe. Source: the max pyramid of [TIS08] and the cones of [Dum06], by quadrant. */
 CONEMAP_API conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
                                            conemap_prepared *prepared);
@@ -1706,9 +1706,10 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
 
 /* Of the lowest 8. */
 CONEMAP__INLINE int conemap__count_bits(int bits) {
-    bits -= bits >> 1 & 0x55;
-    bits = (bits & 0x33) + (bits >> 2 & 0x33);
-    return (bits + (bits >> 4)) & 15;
+    bits -= bits >> 1 & 0x5555;
+    bits = (bits & 0x3333) + (bits >> 2 & 0x3333);
+    bits = (bits + (bits >> 4)) & 0x0f0f;
+    return (bits + (bits >> 8)) & 31;
 }
 
 /* Any alignment. */
@@ -1962,20 +1963,21 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
    Types CONEMAP__F, CONEMAP__I, CONEMAP__M hold CONEMAP__LANES floats, int32s and truth values:
        F1 I1              the same number in all lanes         LOADF LOADI STOREF STOREI   any alignment
        LOADU8 LOADU16     codes to int lanes                   GATHERF(base, indices)
+       GATHERI            (base, p) uint32s at the int32s behind p
        ADD SUB MUL DIV SQRT MIN MAX                            floats; MIN is a < b ? a : b, MAX is a > b ? a : b
-       IADD ISUB IAND IOR ISHL ISHR (logical)                  ints
+       IADD ISUB IMUL IAND IOR ISHL ISHR (logical)             ints
        LT LE IGT IEQ      compare; AND OR ANDNOT (a and not b) masks; PICK PICKI (mask ? a : b)
        ANY BITS           does some lane hold; one bit for each lane that holds, lane 0 lowest
        TOF TOI            between numbers, towards zero        BITSF BITSI   the same bits as another type
        EVEN ODD           every second lane of two vectors in a row
    Types CONEMAP__D, CONEMAP__L, CONEMAP__W hold CONEMAP__DLANES doubles, uint64s and truth values of doubles:
-       D1 L1 LOADD STORED LOADL ADDD SUBD MULD DIVD SQRTD MIND MAXD LTD LED ANDW ORW ANDNOTW PICKD BITSW   as above
-       STOREN             doubles 0..2^31 - 1 as int32s
-       GATHERL GATHERFD   (base, p) uint64s or floats, these as doubles, at the int32s behind p
+       D1 L1 LOADD STORED ADDD SUBD MULD DIVD SQRTD MIND MAXD LTD LED ANDW ORW ANDNOTW PICKD BITSW   as above
+       STOREN STOREDF     doubles 0..2^31 - 1 as int32s; doubles as floats
+       GATHERFD           (base, p) floats as doubles, at the int32s behind p
        WHOLE              towards zero, for 0..2^31 - 1
        LOADFD             DLANES floats as doubles
        FLOORD             for anything below 2^52
-       LADD LSUB LAND LSHL    uint64s; LSHRL shifts each lane by its own count; BITSD BITSL the same bits as another type
+       LSUB LAND          uint64s; BITSD BITSL the same bits as another type
    To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
    kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
    cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
@@ -2068,33 +2070,37 @@ typedef struct conemap__node {
 /* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
    P R E P A R A T I O N. */
 #define CONEMAP__SLOTS 64
-#define CONEMAP__BLOCK 8
+#define CONEMAP__BLOCK 16
 typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
     double p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
     double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
-    double sign[CONEMAP__BLOCK];    /* -1 where mirrored */
 } conemap__way;
 
-/* What a step writes comes first and what it reads next: a block is 2240 bytes, so that neither lies a multiple of 4096
-   bytes from what the two blocks before have just written, which processors take for the same place for a while. */
+/* The same in floats: `behind` is p less the error e of a position, `late` is border and 2 e per_v, `early` is 4 e per_v. */
+typedef struct conemap__fast_way {
+    float behind[CONEMAP__BLOCK], v[CONEMAP__BLOCK], per_v[CONEMAP__BLOCK], late[CONEMAP__BLOCK], early[CONEMAP__BLOCK];
+    float sign[CONEMAP__BLOCK];     /* -1 where mirrored */
+} conemap__fast_way;
+
 typedef struct conemap__block_of_rays {
-    double state[CONEMAP__BLOCK];   /* CONEMAP__FLYING ... */
-    double t[CONEMAP__BLOCK], steps[CONEMAP__BLOCK], cell[2][CONEMAP__BLOCK];
-    int32_t record[CONEMAP__BLOCK]; /* index of its cell in the table */
-    int32_t fill[CONEMAP__BLOCK];   /* to whole cache lines */
-    double t_end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK];
-    double sink[CONEMAP__BLOCK];    /* time to sink by 1; huge if it does not */
-    double major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
-    double table_start[CONEMAP__BLOCK]; /* index of cell 0, mirrored */
-    uint64_t shift[CONEMAP__BLOCK]; /* to its quadrant's part of a record */
+    float state[CONEMAP__BLOCK];    /* CONEMAP__FLYING ... */
+    float now[CONEMAP__BLOCK], steps[CONEMAP__BLOCK];
+    float cell[2][CONEMAP__BLOCK];
+    int32_t record[CONEMAP__BLOCK]; /* number of its cell in the table */
+    float end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK]; /* end is late, z low */
+    float sink[CONEMAP__BLOCK];     /* time to sink by 1; huge if it does not */
+    float major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
+    float reach[CONEMAP__BLOCK];    /* 1 + 8 e */
+    conemap__fast_way fast[2];
+    /* for the patches */
+    double t[CONEMAP__BLOCK];       /* where it was met */
+    double t_end[CONEMAP__BLOCK], z_exact[CONEMAP__BLOCK], vz_exact[CONEMAP__BLOCK], z_end[CONEMAP__BLOCK];
     conemap__way way[2];
-    double z_end[CONEMAP__BLOCK];
-    double texel_start[CONEMAP__BLOCK]; /* as table_start, of the heights */
-    double lower[2][CONEMAP__BLOCK];    /* a cell's number less that of the texel at its near border */
-    int32_t corner[4][CONEMAP__BLOCK];  /* indices of its cell's texels, once it is close */
+    int32_t corner[4][CONEMAP__BLOCK]; /* indices of its cell's texels, once it is close */
     /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
     double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
     double number[CONEMAP__BLOCK];
+    float fill[6 * CONEMAP__BLOCK]; /* blocks are no multiple of 4096 bytes apart, which processors take for the same place */
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
@@ -2102,7 +2108,8 @@ typedef struct conemap__flight_axis {
     double low;                     /* where the surface begins, in uv; it ends at 1 - low */
     int wraps;
     double period, per_period;      /* cells until it repeats, 0: never; 1 / period */
-    double last, pitch;             /* the table's: its last cell, records from one to the next */
+    float table_first, table_last;  /* numbers of the table's first and last cell */
+    float table_period, per_table_period;
     double last_texel, texel_pitch; /* the same of the heights */
     double before, after;           /* the texels that stand beyond the first and the last */
 } conemap__flight_axis;
@@ -2118,7 +2125,8 @@ typedef struct conemap__stream {
 } conemap__stream;
 
 typedef struct conemap__flight {
-    const uint64_t *table;
+    const uint32_t *table;
+    int32_t pitch;                  /* of its rows */
     const float *heights;
     conemap__flight_axis axis[2];
     conemap__stream stream;
@@ -2127,11 +2135,11 @@ typedef struct conemap__flight {
     int waiting_next, waiting_count;
 } conemap__flight;
 
-#define CONEMAP__FLYING 0.0
-#define CONEMAP__CLOSE 1.0 /* the next cell is to be met with its patch */
-#define CONEMAP__GONE 2.0  /* t_end reached above the surface */
-#define CONEMAP__MET 3.0
-#define CONEMAP__EMPTY 4.0
+#define CONEMAP__FLYING 0.0f
+#define CONEMAP__CLOSE 1.0f /* its cell is to be met with its patch */
+#define CONEMAP__GONE 2.0f  /* t_end reached above the surface */
+#define CONEMAP__MET 3.0f
+#define CONEMAP__EMPTY 4.0f
 
 #define CONEMAP__REACH 1048576.0 /* texels that a ray is followed on wrapping axes */
 #define CONEMAP__NEVER 1e300     /* a time that does not come */
@@ -2216,20 +2224,21 @@ CONEMAP__INLINE void conemap__land(conemap__stream *stream, const conemap__block
 #define CONEMAP__MOVE(column) to->column[to_slot] = from->column[slot]
 CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot, conemap__block_of_rays *to, int to_slot) {
     int k;
+    to->now[to_slot] = to->steps[to_slot] = 0.0f;
+    to->t[to_slot] = 0.0;
     CONEMAP__MOVE(state);
-    CONEMAP__MOVE(t);
-    CONEMAP__MOVE(t_end);
-    CONEMAP__MOVE(steps);
+    CONEMAP__MOVE(end);
     CONEMAP__MOVE(z);
     CONEMAP__MOVE(vz);
-    CONEMAP__MOVE(z_end);
     CONEMAP__MOVE(sink);
     CONEMAP__MOVE(major);
     CONEMAP__MOVE(per_major);
-    CONEMAP__MOVE(table_start);
-    CONEMAP__MOVE(texel_start);
+    CONEMAP__MOVE(reach);
     CONEMAP__MOVE(record);
-    CONEMAP__MOVE(shift);
+    CONEMAP__MOVE(t_end);
+    CONEMAP__MOVE(z_exact);
+    CONEMAP__MOVE(vz_exact);
+    CONEMAP__MOVE(z_end);
     CONEMAP__MOVE(t_start);
     CONEMAP__MOVE(t_gone);
     CONEMAP__MOVE(t_scale);
@@ -2237,12 +2246,16 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
     CONEMAP__MOVE(number);
     for (k = 0; k < 2; ++k) {
         CONEMAP__MOVE(cell[k]);
+        CONEMAP__MOVE(fast[k].behind);
+        CONEMAP__MOVE(fast[k].v);
+        CONEMAP__MOVE(fast[k].per_v);
+        CONEMAP__MOVE(fast[k].late);
+        CONEMAP__MOVE(fast[k].early);
+        CONEMAP__MOVE(fast[k].sign);
         CONEMAP__MOVE(way[k].p);
         CONEMAP__MOVE(way[k].v);
         CONEMAP__MOVE(way[k].per_v);
         CONEMAP__MOVE(way[k].border);
-        CONEMAP__MOVE(way[k].sign);
-        CONEMAP__MOVE(lower[k]);
     }
 }
 #undef CONEMAP__MOVE
@@ -2316,6 +2329,7 @@ typedef struct conemap__kernels {
 #define CONEMAP__MAX(a, b) conemap__max((a), (b))
 #define CONEMAP__IADD(a, b) ((int32_t)((uint32_t)(a) + (uint32_t)(b)))
 #define CONEMAP__ISUB(a, b) ((int32_t)((uint32_t)(a) - (uint32_t)(b)))
+#define CONEMAP__IMUL(a, b) ((int32_t)((uint32_t)(a) * (uint32_t)(b)))
 #define CONEMAP__IAND(a, b) ((a) & (b))
 #define CONEMAP__IOR(a, b) ((a) | (b))
 #define CONEMAP__ISHL(a, n) ((int32_t)((uint32_t)(a) << (n)))
@@ -2345,9 +2359,9 @@ typedef struct conemap__kernels {
 #define CONEMAP__L1(x) (x)
 #define CONEMAP__LOADD(p) (*(p))
 #define CONEMAP__STORED(p, v) ((void)(*(p) = (v)))
-#define CONEMAP__LOADL(p) (*(p))
 #define CONEMAP__STOREN(p, a) ((void)(*(p) = (int32_t)(a)))
-#define CONEMAP__GATHERL(base, p) ((base)[*(p)])
+#define CONEMAP__STOREDF(p, a) ((void)(*(p) = (float)(a)))
+#define CONEMAP__GATHERI(base, p) ((int32_t)(base)[*(p)])
 #define CONEMAP__GATHERFD(base, p) ((double)(base)[*(p)])
 #define CONEMAP__ADDD(a, b) ((a) + (b))
 #define CONEMAP__SUBD(a, b) ((a) - (b))
@@ -2364,10 +2378,7 @@ typedef struct conemap__kernels {
 #define CONEMAP__ANDNOTW(a, b) ((a) & !(b))
 #define CONEMAP__PICKD(m, a, b) ((m) ? (a) : (b))
 #define CONEMAP__BITSW(m) (m)
-#define CONEMAP__LADD(a, b) ((a) + (b))
 #define CONEMAP__LAND(a, b) ((a) & (b))
-#define CONEMAP__LSHL(a, n) ((a) << (n))
-#define CONEMAP__LSHRL(a, n) ((a) >> (n))
 #define CONEMAP__BITSD(a) conemap__double_of(a)
 #define CONEMAP__LOADFD(p) ((double)*(p))
 #define CONEMAP__FLOORD(a) conemap__floor_wide(a)
@@ -2413,6 +2424,9 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__MAX(a, b) _mm_max_ps(a, b)
 #define CONEMAP__IADD(a, b) _mm_add_epi32(a, b)
 #define CONEMAP__ISUB(a, b) _mm_sub_epi32(a, b)
+#define CONEMAP__IMUL(a, b)                                                                                \
+    _mm_unpacklo_epi32(_mm_shuffle_epi32(_mm_mul_epu32(a, b), 8),                                          \
+                       _mm_shuffle_epi32(_mm_mul_epu32(_mm_srli_epi64(a, 32), _mm_srli_epi64(b, 32)), 8))
 #define CONEMAP__IAND(a, b) _mm_and_si128(a, b)
 #define CONEMAP__IOR(a, b) _mm_or_si128(a, b)
 #define CONEMAP__ISHL(a, n) _mm_slli_epi32(a, n)
@@ -2443,9 +2457,10 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__L1(x) _mm_set1_epi64x((long long)(x))
 #define CONEMAP__LOADD(p) _mm_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm_storeu_pd(p, v)
-#define CONEMAP__LOADL(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
 #define CONEMAP__STOREN(p, a) _mm_storel_epi64((__m128i *)(void *)(p), _mm_cvttpd_epi32(a))
-#define CONEMAP__GATHERL(base, p) _mm_set_epi64x((long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
+#define CONEMAP__STOREDF(p, a) _mm_storel_pd((double *)(void *)(p), _mm_castps_pd(_mm_cvtpd_ps(a)))
+#define CONEMAP__GATHERI(base, p)                                                                          \
+    _mm_set_epi32((int)(base)[(p)[3]], (int)(base)[(p)[2]], (int)(base)[(p)[1]], (int)(base)[(p)[0]])
 #define CONEMAP__GATHERFD(base, p) _mm_set_pd((double)(base)[(p)[1]], (double)(base)[(p)[0]])
 #define CONEMAP__ADDD(a, b) _mm_add_pd(a, b)
 #define CONEMAP__SUBD(a, b) _mm_sub_pd(a, b)
@@ -2462,12 +2477,7 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__ANDNOTW(a, b) _mm_andnot_pd(b, a)
 #define CONEMAP__PICKD(m, a, b) _mm_or_pd(_mm_and_pd(m, a), _mm_andnot_pd(m, b))
 #define CONEMAP__BITSW(m) _mm_movemask_pd(m)
-#define CONEMAP__LADD(a, b) _mm_add_epi64(a, b)
 #define CONEMAP__LAND(a, b) _mm_and_si128(a, b)
-#define CONEMAP__LSHL(a, n) _mm_slli_epi64(a, n)
-#define CONEMAP__LSHRL(a, n)                                                                               \
-    _mm_castpd_si128(_mm_move_sd(_mm_castsi128_pd(_mm_srl_epi64(a, _mm_unpackhi_epi64(n, n))),             \
-                                 _mm_castsi128_pd(_mm_srl_epi64(a, n))))
 #define CONEMAP__BITSD(a) _mm_castsi128_pd(a)
 #define CONEMAP__LOADFD(p) _mm_set_pd((double)(p)[1], (double)(p)[0])
 #define CONEMAP__FLOORD(a)                                                                                 \
@@ -2502,6 +2512,7 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__MAX(a, b) _mm256_max_ps(a, b)
 #define CONEMAP__IADD(a, b) _mm256_add_epi32(a, b)
 #define CONEMAP__ISUB(a, b) _mm256_sub_epi32(a, b)
+#define CONEMAP__IMUL(a, b) _mm256_mullo_epi32(a, b)
 #define CONEMAP__IAND(a, b) _mm256_and_si256(a, b)
 #define CONEMAP__IOR(a, b) _mm256_or_si256(a, b)
 #define CONEMAP__ISHL(a, n) _mm256_slli_epi32(a, n)
@@ -2533,10 +2544,10 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__L1(x) _mm256_set1_epi64x((long long)(x))
 #define CONEMAP__LOADD(p) _mm256_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm256_storeu_pd(p, v)
-#define CONEMAP__LOADL(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
 #define CONEMAP__STOREN(p, a) _mm_storeu_si128((__m128i *)(void *)(p), _mm256_cvttpd_epi32(a))
 #define CONEMAP__LOADN(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
-#define CONEMAP__GATHERL(base, p) _mm256_i32gather_epi64((const long long *)(const void *)(base), CONEMAP__LOADN(p), 8)
+#define CONEMAP__STOREDF(p, a) _mm_storeu_ps(p, _mm256_cvtpd_ps(a))
+#define CONEMAP__GATHERI(base, p) _mm256_i32gather_epi32((const int *)(const void *)(base), CONEMAP__LOADI(p), 4)
 #define CONEMAP__GATHERFD(base, p) _mm256_cvtps_pd(_mm_i32gather_ps(base, CONEMAP__LOADN(p), 4))
 #define CONEMAP__ADDD(a, b) _mm256_add_pd(a, b)
 #define CONEMAP__SUBD(a, b) _mm256_sub_pd(a, b)
@@ -2553,10 +2564,7 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__ANDNOTW(a, b) _mm256_andnot_pd(b, a)
 #define CONEMAP__PICKD(m, a, b) _mm256_blendv_pd(b, a, m)
 #define CONEMAP__BITSW(m) _mm256_movemask_pd(m)
-#define CONEMAP__LADD(a, b) _mm256_add_epi64(a, b)
 #define CONEMAP__LAND(a, b) _mm256_and_si256(a, b)
-#define CONEMAP__LSHL(a, n) _mm256_slli_epi64(a, n)
-#define CONEMAP__LSHRL(a, n) _mm256_srlv_epi64(a, n)
 #define CONEMAP__BITSD(a) _mm256_castsi256_pd(a)
 #define CONEMAP__LOADFD(p) _mm256_cvtps_pd(_mm_loadu_ps(p))
 #define CONEMAP__FLOORD(a) _mm256_round_pd(a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
@@ -2592,6 +2600,7 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__MAX(a, b) _mm512_maskz_max_ps(CONEMAP__ALL, a, b)
 #define CONEMAP__IADD(a, b) _mm512_add_epi32(a, b)
 #define CONEMAP__ISUB(a, b) _mm512_sub_epi32(a, b)
+#define CONEMAP__IMUL(a, b) _mm512_mullo_epi32(a, b)
 #define CONEMAP__IAND(a, b) _mm512_and_si512(a, b)
 #define CONEMAP__IOR(a, b) _mm512_or_si512(a, b)
 #define CONEMAP__ISHL(a, n) _mm512_maskz_slli_epi32(CONEMAP__ALL, a, n)
@@ -2624,15 +2633,12 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__L1(x) _mm512_set1_epi64((long long)(x))
 #define CONEMAP__LOADD(p) _mm512_loadu_pd(p)
 #define CONEMAP__STORED(p, v) _mm512_storeu_pd(p, v)
-#define CONEMAP__LOADL(p) _mm512_loadu_si512(p)
 #define CONEMAP__STOREN(p, a)                                                                              \
     _mm256_storeu_si256((__m256i *)(void *)(p), _mm512_maskz_cvttpd_epi32(CONEMAP__ALLD, a))
 #define CONEMAP__LOADN(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
-/* one by one: a gather waits long for indices that were just stored */
-#define CONEMAP__GATHERL(base, p)                                                                          \
-    _mm512_set_epi64((long long)(base)[(p)[7]], (long long)(base)[(p)[6]], (long long)(base)[(p)[5]],      \
-                     (long long)(base)[(p)[4]], (long long)(base)[(p)[3]], (long long)(base)[(p)[2]],      \
-                     (long long)(base)[(p)[1]], (long long)(base)[(p)[0]])
+#define CONEMAP__STOREDF(p, a) _mm256_storeu_ps(p, _mm512_maskz_cvtpd_ps(CONEMAP__ALLD, a))
+#define CONEMAP__GATHERI(base, p)                                                                          \
+    _mm512_mask_i32gather_epi32(_mm512_setzero_si512(), CONEMAP__ALL, CONEMAP__LOADI(p), base, 4)
 #define CONEMAP__GATHERFD(base, p)                                                                         \
     _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_mmask_i32gather_ps(_mm256_setzero_ps(), CONEMAP__ALLD,     \
                                                                    CONEMAP__LOADN(p), base, 4))
@@ -2651,10 +2657,7 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__ANDNOTW(a, b) ((__mmask8)((a) & ~(b)))
 #define CONEMAP__PICKD(m, a, b) _mm512_mask_blend_pd(m, b, a)
 #define CONEMAP__BITSW(m) ((int)(m))
-#define CONEMAP__LADD(a, b) _mm512_add_epi64(a, b)
 #define CONEMAP__LAND(a, b) _mm512_and_si512(a, b)
-#define CONEMAP__LSHL(a, n) _mm512_maskz_slli_epi64(CONEMAP__ALLD, a, n)
-#define CONEMAP__LSHRL(a, n) _mm512_maskz_srlv_epi64(CONEMAP__ALLD, a, n)
 #define CONEMAP__BITSD(a) _mm512_castsi512_pd(a)
 #define CONEMAP__LOADFD(p) _mm512_maskz_cvtps_pd(CONEMAP__ALLD, _mm256_loadu_ps(p))
 #define CONEMAP__FLOORD(a) _mm512_maskz_roundscale_pd(CONEMAP__ALLD, a, _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC)
@@ -2703,6 +2706,7 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__MAX(a, b) vmaxq_f32(a, b)
 #define CONEMAP__IADD(a, b) vaddq_s32(a, b)
 #define CONEMAP__ISUB(a, b) vsubq_s32(a, b)
+#define CONEMAP__IMUL(a, b) vmulq_s32(a, b)
 #define CONEMAP__IAND(a, b) vandq_s32(a, b)
 #define CONEMAP__IOR(a, b) vorrq_s32(a, b)
 #define CONEMAP__ISHL(a, n) vshlq_n_s32(a, n)
@@ -2733,9 +2737,11 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__L1(x) vdupq_n_u64(x)
 #define CONEMAP__LOADD(p) vld1q_f64(p)
 #define CONEMAP__STORED(p, v) vst1q_f64(p, v)
-#define CONEMAP__LOADL(p) vld1q_u64(p)
 #define CONEMAP__STOREN(p, a) vst1_s32(p, vmovn_s64(vcvtq_s64_f64(a)))
-#define CONEMAP__GATHERL(base, p) vcombine_u64(vcreate_u64((base)[(p)[0]]), vcreate_u64((base)[(p)[1]]))
+#define CONEMAP__STOREDF(p, a) vst1_f32(p, vcvt_f32_f64(a))
+#define CONEMAP__GATHERI(base, p)                                                                          \
+    vcombine_s32(vcreate_s32((uint64_t)(base)[(p)[0]] | (uint64_t)(base)[(p)[1]] << 32),                   \
+                 vcreate_s32((uint64_t)(base)[(p)[2]] | (uint64_t)(base)[(p)[3]] << 32))
 #define CONEMAP__GATHERFD(base, p)                                                                         \
     vsetq_lane_f64((double)(base)[(p)[1]], vdupq_n_f64((double)(base)[(p)[0]]), 1)
 #define CONEMAP__ADDD(a, b) vaddq_f64(a, b)
@@ -2753,10 +2759,7 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__ANDNOTW(a, b) vbicq_u64(a, b)
 #define CONEMAP__PICKD(m, a, b) vbslq_f64(m, a, b)
 #define CONEMAP__BITSW(m) ((int)(vgetq_lane_u64(m, 0) & 1u) | (int)(vgetq_lane_u64(m, 1) & 2u))
-#define CONEMAP__LADD(a, b) vaddq_u64(a, b)
 #define CONEMAP__LAND(a, b) vandq_u64(a, b)
-#define CONEMAP__LSHL(a, n) vshlq_n_u64(a, n)
-#define CONEMAP__LSHRL(a, n) vshlq_u64(a, vnegq_s64(vreinterpretq_s64_u64(n)))
 #define CONEMAP__BITSD(a) vreinterpretq_f64_u64(a)
 #define CONEMAP__LOADFD(p) vcvt_f64_f32(vld1_f32(p))
 #define CONEMAP__FLOORD(a) vrndmq_f64(a)
@@ -2794,6 +2797,7 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__MAX(a, b) wasm_f32x4_pmax(b, a)
 #define CONEMAP__IADD(a, b) wasm_i32x4_add(a, b)
 #define CONEMAP__ISUB(a, b) wasm_i32x4_sub(a, b)
+#define CONEMAP__IMUL(a, b) wasm_i32x4_mul(a, b)
 #define CONEMAP__IAND(a, b) wasm_v128_and(a, b)
 #define CONEMAP__IOR(a, b) wasm_v128_or(a, b)
 #define CONEMAP__ISHL(a, n) wasm_i32x4_shl(a, n)
@@ -2823,9 +2827,10 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__L1(x) wasm_i64x2_splat((int64_t)(x))
 #define CONEMAP__LOADD(p) wasm_v128_load(p)
 #define CONEMAP__STORED(p, v) wasm_v128_store(p, v)
-#define CONEMAP__LOADL(p) wasm_v128_load(p)
 #define CONEMAP__STOREN(p, a) wasm_v128_store64_lane(p, wasm_i32x4_trunc_sat_f64x2_zero(a), 0)
-#define CONEMAP__GATHERL(base, p) wasm_i64x2_make((int64_t)(base)[(p)[0]], (int64_t)(base)[(p)[1]])
+#define CONEMAP__STOREDF(p, a) wasm_v128_store64_lane(p, wasm_f32x4_demote_f64x2_zero(a), 0)
+#define CONEMAP__GATHERI(base, p)                                                                          \
+    wasm_i32x4_make((int32_t)(base)[(p)[0]], (int32_t)(base)[(p)[1]], (int32_t)(base)[(p)[2]], (int32_t)(base)[(p)[3]])
 #define CONEMAP__GATHERFD(base, p) wasm_f64x2_make((double)(base)[(p)[0]], (double)(base)[(p)[1]])
 #define CONEMAP__ADDD(a, b) wasm_f64x2_add(a, b)
 #define CONEMAP__SUBD(a, b) wasm_f64x2_sub(a, b)
@@ -2842,12 +2847,7 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__ANDNOTW(a, b) wasm_v128_andnot(a, b)
 #define CONEMAP__PICKD(m, a, b) wasm_v128_bitselect(a, b, m)
 #define CONEMAP__BITSW(m) ((int)wasm_i64x2_bitmask(m))
-#define CONEMAP__LADD(a, b) wasm_i64x2_add(a, b)
 #define CONEMAP__LAND(a, b) wasm_v128_and(a, b)
-#define CONEMAP__LSHL(a, n) wasm_i64x2_shl(a, n)
-#define CONEMAP__LSHRL(a, n)                                                                               \
-    wasm_i64x2_make((int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 0) >> wasm_i64x2_extract_lane(n, 0)),   \
-                    (int64_t)((uint64_t)wasm_i64x2_extract_lane(a, 1) >> wasm_i64x2_extract_lane(n, 1)))
 #define CONEMAP__BITSD(a) (a)
 #define CONEMAP__LOADFD(p) wasm_f64x2_make((double)(p)[0], (double)(p)[1])
 #define CONEMAP__FLOORD(a) wasm_f64x2_floor(a)
@@ -7236,9 +7236,10 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
    P R E P A R A T I O N
 
    The table. A record belongs to a cell c of the map (the outer half cells of CLAMP have the same texels as their
-   neighbours and share theirs) and holds its top, and for each of the four quadrants into which a ray can fly a clear way
-   and a slope. Let R_k be the highest point of the square of cells whose corner is c and that reaches k cells beyond c
-   along both axes of the quadrant, WRAP's images included. Then
+   neighbours and share theirs). It is two words, for rays that fly forth and back along v, in a plane each, the second
+   upside down, as those rays see it. A word holds the top in 12 bits, and for rays that fly forth and back along u a clear
+   way and a slope in 5 bits each. Let R_k be the highest point of the square of cells whose corner is c and that reaches
+   k cells beyond c along both axes of the quadrant, WRAP's images included. Then
        top >= R_0,   R_clear <= top,   R_k <= top + slope k  for all k >= 1.
    Distances and speeds are counted in cells along the faster axis, so no root is needed.
 
@@ -7251,20 +7252,31 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
    At height z = top + gap, gap > 0, with vertical speed vz and V cells a time, it may therefore go on
        (a) to the border of c, or (b) for clear / V, but in both cases no longer than it stays above top: gap / -vz;
        (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever.
-   If the farthest of these does not reach the border of c, the cell is entered: its patch is met as conemap__trace_exact
-   meets it. Each step leaves a cell behind, so no epsilon and no cap are needed. What is skipped holds nothing of the
-   surface, cones play no part, and a ray that begins or ends at or below top is always judged by the patch.
+   Flights are in floats, twice as many side by side. Where they do not get out of c for certain, the ray is close: the
+   patch of c is met in doubles, as conemap__trace_exact meets it, for as long as the ray is over c. Each step leaves a cell
+   behind, so no epsilon and no cap are needed. Cones play no part, and a ray that begins or ends at or below top is always
+   judged by the patch.
 
-   Rounding. Heights are floats, top a multiple of 2^-16: rise, quotient and product in rise_row are off by less than
-   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 6 bits, and the ways are whole
-   numbers. Between the reaches that 6 bits can tell, all squares up to the next reach count at the lower one. Everything
-   along the ray is in doubles. With N the cells that it may cross (2^21 at most, with WRAP; else 2^16), cell borders are met
-   at times off by less than 4 2^-53 N cells' worth: on the steepest wall, a height of 1 in one cell, 2^-30 of height. z and gap
-   are off by 2^-51, the two times of (b) and (c) by 2^-50 of themselves, at whose ends z is off by no more, as it stays
-   in 0..1; slope V - vz cancels only where the ray rises about as fast as the bound, where an error of 2^-52 of either
-   term over a time in which z moves by 1 at most is 2^-51 of height. Together far below the 2^-20 of a miss. That a position
-   rounds into the next cell too early moves the ray by 2^-30 cells, and never back: the cell is kept as a number that
-   only grows. Where a square wraps around the map more than once, it holds everything, and so does the last reach.
+   Flights in floats. Let N be the cells that a ray crosses (2^22 at most) and e = 2^-21 N. Positions, p + v t, are off by
+   four roundings, e / 2 at most; so are times of borders, in cells. Heights are off by 2^-22, and by as much again through
+   the two quotients, over whose times neither bound moves by more than 1: z begins 2^-19 too low. What holds at time t in
+   cell c, with c counted from 0 along either axis as the ray flies, is
+       (1) up to t, and up to where the ray comes to c, it is above the surface;
+       (2) it is at c - 4 e at least, and at c + 1 + 4 e at most.
+   By (2), s + 4 e counts for s: (b) flies clear - 8 e and (c) takes slope (s + 1 + 8 e), which pays for the roundings too.
+   Then c becomes the cell of the position less e, whose error of e / 2 keeps it from being ahead of the ray: (1), and
+   (2) as the position is e + e / 2 beyond that cell at most. (a) goes by the times of the two borders ahead, each moved to 2 e
+   behind the border, `late`, and to 2 e before it, `early`. With the one late before the other is early there is no doubt
+   which is met first, nor which cell comes next; with gap > 0 until late the rest of c is passed, which makes (1), and the
+   time becomes early, (2). Otherwise, also along a border and through corners, the patch is met: in doubles c has an exact
+   beginning and end, between which the ray is met from t on, if it is still there. The time after it is rounded down.
+
+   Rounding. Heights are floats, top a multiple of 2^-12: rise, quotient and product in rise_row are off by less than
+   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 5 bits, the last of which stands
+   for 1, and the ways are whole numbers. Between the reaches that these can tell, all squares up to the next reach
+   count at the lower one. Patches are met in doubles: cell borders at times off by less than 4 2^-53 N cells' worth: on the
+   steepest wall, a height of 1 in one cell, 2^-29 of height, far below the 2^-20 of a miss. Where a square wraps around
+   the map more than once, it holds everything, and so does the last reach.
    ====================================================================================================== */
 
 /* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
@@ -7287,7 +7299,7 @@ static int conemap__table_size(int size, conemap_wrap wrap) {
 typedef struct conemap__look {
     const conemap_map *map;
     const conemap__kernels *kernels;
-    uint64_t *table;
+    uint32_t *table;
     int w, h, flip_u, flip_v;
     float *tops;           /* of the cells, as the record will hold them */
     float *squares, *next; /* maxima over squares of cells from each cell on */
@@ -7339,9 +7351,9 @@ static void conemap__look_quadrant(conemap__look *look, int quadrant) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
             float top = conemap__highest(conemap__gather(
                 map->heights, conemap__cell_quad(map, look->flip_u ? w - 1 - x : x, look->flip_v ? h - 1 - y : y)));
-            int level = (int)(top * 65536.0f);
+            int level = (int)(top * 4096.0f);
             look->squares[at] = top;
-            look->tops[at] = (float)(conemap__mini(level, 65535) + 1) / 65536.0f;
+            look->tops[at] = (float)(conemap__mini(level, 4095) + 1) / 4096.0f;
             look->slopes[at] = 0.0f;
             look->clear[at] = 0;
         }
@@ -7353,21 +7365,21 @@ static void conemap__look_quadrant(conemap__look *look, int quadrant) {
         for (y = 0; y < h; ++y) {
             size_t at = (size_t)y * (size_t)w;
             int du = conemap__look_rows(look, y, side - look->side);
-            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code), next, w,
+            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code), conemap__mini(next, 31), w,
                                     look->slopes + at, look->clear + at);
         }
     }
     for (y = 0; y < h; ++y)
         for (x = 0; x < w; ++x) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
-            uint64_t *record = &look->table[(size_t)(look->flip_v ? h - 1 - y : y) * (size_t)w +
+            uint32_t *record = &look->table[((size_t)(look->flip_v ? h : 0) + (size_t)y) * (size_t)w +
                                             (size_t)(look->flip_u ? w - 1 - x : x)];
             /* rounded up: what it stands for is no less, by 2^-20 at least */
             uint32_t bits = conemap__bits(look->slopes[at] * (1.0f + 1.0f / 524288.0f));
-            int slope = (int)((bits + 0x1fffffu) >> 21) - 4 * (127 - 15);
-            slope = conemap__maxi(0, conemap__mini(slope, 63));
-            if (quadrant == 0) *record = (uint64_t)(look->tops[at] * 65536.0f) - 1u;
-            *record |= (uint64_t)(unsigned)(slope | look->clear[at] << 6) << (16 + 12 * quadrant);
+            int slope = (int)((bits + 0x1fffffu) >> 21) - 4 * (127 - 10);
+            slope = conemap__maxi(0, conemap__mini(slope, 31));
+            if (!look->flip_u) *record = ((uint32_t)(look->tops[at] * 4096.0f) - 1u) << 20;
+            *record |= (uint32_t)(slope | look->clear[at] << 5) << (look->flip_u ? 10 : 0);
         }
 }
 
@@ -7376,7 +7388,7 @@ CONEMAP__DEF size_t conemap_prepare_memory(const conemap_map *map) {
     if (!map || !map->heights ||
         !conemap__add_size(&bytes, (size_t)conemap__table_size(map->info.width, map->info.wrap_u) *
                                        (size_t)conemap__table_size(map->info.height, map->info.wrap_v),
-                           sizeof(uint64_t)))
+                           2 * sizeof(uint32_t)))
         return 0;
     return bytes;
 }
@@ -7405,7 +7417,7 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     look.h = conemap__table_size(map->info.height, map->info.wrap_v);
     cells = (size_t)look.w * (size_t)look.h;
     prepared->memory_size = conemap_prepare_memory(map);
-    if (prepared->memory_size == 0 || !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
+    if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21 || !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
         !conemap__add_size(&bytes, (size_t)look.w, 2 * sizeof(float))) {
         memset(prepared, 0, sizeof *prepared);
         return CONEMAP_ERROR_OVERFLOW;
@@ -7420,7 +7432,7 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
                            &prepared->own.memory, &prepared->own.owns_memory);
     if (result == CONEMAP_OK) result = conemap__take(&settings.allocator, NULL, 0, bytes, &work, &owns_work);
     if (result == CONEMAP_OK) {
-        prepared->table = look.table = (uint64_t *)prepared->own.memory;
+        prepared->table = look.table = (uint32_t *)prepared->own.memory;
         look.tops = (float *)work;
         look.squares = look.tops + cells;
         look.next = look.squares + cells;
@@ -7443,7 +7455,7 @@ CONEMAP__DEF void conemap_free_prepared(conemap_prepared *prepared) {
 /* ---- the way in and out ---------------------------------------------------------------------------------------- */
 
 static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conemap_wrap wrap, int table_size,
-                                    int pitch, int texel_pitch) {
+                                    int texel_pitch) {
     axis->size = (double)size;
     axis->cells = (double)conemap__cell_count(size, wrap);
     axis->first = (double)conemap__first_cell(wrap);
@@ -7451,8 +7463,10 @@ static void conemap__flight_axis_of(conemap__flight_axis *axis, int size, conema
     axis->wraps = wrap == CONEMAP_WRAP;
     axis->period = axis->wraps ? (double)size : 0.0;
     axis->per_period = axis->wraps ? 1.0 / (double)size : 0.0;
-    axis->last = (double)(table_size - 1);
-    axis->pitch = (double)pitch;
+    axis->table_first = (float)conemap__first_cell(wrap);
+    axis->table_last = (float)(table_size - 1);
+    axis->table_period = (float)size;
+    axis->per_table_period = 1.0f / (float)size;
     axis->last_texel = (double)(size - 1);
     axis->texel_pitch = (double)texel_pitch;
     axis->before = axis->wraps ? (double)(size - 1) : 0.0;
@@ -7467,10 +7481,11 @@ static conemap_result conemap__fly_stream(const conemap_prepared *prepared, cons
     f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
     f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
     f.table = prepared->table;
+    f.pitch = prepared->width;
     f.heights = prepared->map->heights;
     f.stream = *stream;
-    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width, 1, 1);
-    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height, prepared->width, info->width);
+    conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width, 1);
+    conemap__flight_axis_of(&f.axis[1], info->height, info->wrap_v, prepared->height, info->width);
     conemap__kernels_of(prepared->isa)->fly(&f);
     return f.stream.result;
 }
@@ -14289,156 +14304,164 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(repeated)(const conemap__flight_axis 
                                                                           CONEMAP__D1(axis->per_period)))));
 }
 
-/* What is added to the table's first index for a cell along an axis. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(table_step)(const conemap__flight_axis *axis,
-                                                       const conemap__way *way, int at,
-                                                       CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__D1(axis->first));
-    number = CONEMAP__MIND(CONEMAP__MAXD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->last));
-    return CONEMAP__MULD(number, CONEMAP__MULD(CONEMAP__LOADD(way->sign + at), CONEMAP__D1(axis->pitch)));
+/* The number of a cell's record along an axis, mirrored. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(table_number)(const conemap__flight_axis *axis, CONEMAP__F cell) {
+    CONEMAP__F number = cell;
+    if (axis->wraps)
+        number = CONEMAP__SUB(number, CONEMAP__MUL(CONEMAP__F1(axis->table_period),
+                                                   CONEMAP__TOF(CONEMAP__TOI(CONEMAP__MUL(
+                                                       CONEMAP__ADD(cell, CONEMAP__F1(0.5f)),
+                                                       CONEMAP__F1(axis->per_table_period))))));
+    number = CONEMAP__SUB(number, CONEMAP__F1(axis->table_first));
+    return CONEMAP__MIN(CONEMAP__MAX(number, CONEMAP__F1(0.0f)), CONEMAP__F1(axis->table_last));
 }
 
-/* When the ray comes to the far border of its cell. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(leave)(const conemap__way *way, int at, CONEMAP__D cell) {
-    return CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), CONEMAP__LOADD(way->per_v + at)),
-                         CONEMAP__LOADD(way->border + at));
+/* When the ray comes to the near border of a cell. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(border)(const conemap__way *way, int at, CONEMAP__D cell) {
+    return CONEMAP__ADDD(CONEMAP__MULD(cell, CONEMAP__LOADD(way->per_v + at)), CONEMAP__LOADD(way->border + at));
 }
 
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(position)(const conemap__way *way, int at, CONEMAP__D t) {
     return CONEMAP__ADDD(CONEMAP__LOADD(way->p + at), CONEMAP__MULD(CONEMAP__LOADD(way->v + at), t));
 }
 
-/* The cell at time t, not before the border at `leave`: one farther at least where that was reached. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(advance)(const conemap__way *way, int at, CONEMAP__D cell,
-                                                    CONEMAP__D leave, CONEMAP__D t) {
-    CONEMAP__D next = CONEMAP__PICKD(CONEMAP__LED(leave, t), CONEMAP__ADDD(cell, CONEMAP__D1(1.0)), cell);
-    return CONEMAP__MAXD(CONEMAP__WHOLE(CONEMAP__KERNEL(position)(way, at, t)), next);
-}
-
-CONEMAP__HELPER void CONEMAP__KERNEL(fetch)(const void *base, size_t size, const int32_t *index) {
+/* The indices are read back from memory: taken out of a vector lane by lane they hold up the arithmetic. */
+CONEMAP__HELPER void CONEMAP__KERNEL(fetch)(const void *base, size_t size, const volatile int32_t *index, int count) {
     const unsigned char *bytes = (const unsigned char *)base;
     int k;
-    if (CONEMAP__DLANES == 8) { /* no loop, which the compiler may leave one */
-        CONEMAP__PREFETCH(bytes + (size_t)index[0] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[1] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[2] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[3] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[4] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[5] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[6] * size);
-        CONEMAP__PREFETCH(bytes + (size_t)index[7] * size);
-    } else {
-        for (k = 0; k < CONEMAP__DLANES; ++k) CONEMAP__PREFETCH(bytes + (size_t)index[k] * size);
+    for (k = 0; k + 8 <= count; k += 8) { /* eight at once, as the compiler may leave a loop one */
+        CONEMAP__PREFETCH(bytes + (size_t)index[k] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 1] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 2] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 3] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 4] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 5] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 6] * size);
+        CONEMAP__PREFETCH(bytes + (size_t)index[k + 7] * size);
     }
+    for (; k < count; ++k) CONEMAP__PREFETCH(bytes + (size_t)index[k] * size);
 }
 
 /* Notes where the records of the lanes' cells are, and has them fetched while other groups take their turns. */
-CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__block_of_rays *rays, int at, CONEMAP__D i,
-                                          CONEMAP__D j) {
-    CONEMAP__STOREN(rays->record + at,
-                    CONEMAP__ADDD(CONEMAP__LOADD(rays->table_start + at),
-                                  CONEMAP__ADDD(CONEMAP__KERNEL(table_step)(&f->axis[0], &rays->way[0], at, i),
-                                                CONEMAP__KERNEL(table_step)(&f->axis[1], &rays->way[1], at, j))));
-    CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at);
+CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__block_of_rays *rays, int at, CONEMAP__F i,
+                                          CONEMAP__F j) {
+    const CONEMAP__F zero = CONEMAP__F1(0.0f);
+    CONEMAP__F u = CONEMAP__KERNEL(table_number)(&f->axis[0], i), v = CONEMAP__KERNEL(table_number)(&f->axis[1], j);
+    u = CONEMAP__PICK(CONEMAP__LT(CONEMAP__LOADF(rays->fast[0].sign + at), zero),
+                      CONEMAP__SUB(CONEMAP__F1(f->axis[0].table_last), u), u);
+    v = CONEMAP__ADD(v, CONEMAP__PICK(CONEMAP__LT(CONEMAP__LOADF(rays->fast[1].sign + at), zero),
+                                      CONEMAP__F1(f->axis[1].table_last + 1.0f), zero));
+    CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(CONEMAP__TOI(u), CONEMAP__IMUL(CONEMAP__TOI(v), CONEMAP__I1(f->pitch))));
+    CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at, CONEMAP__LANES);
 }
 
-/* The two texels of a cell along an axis, as numbers. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(near_texel)(const conemap__flight_axis *axis,
-                                                       const double *lower, CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower));
-    number = CONEMAP__PICKD(CONEMAP__LTD(number, CONEMAP__D1(0.0)), CONEMAP__D1(axis->before), number);
-    return CONEMAP__MIND(number, CONEMAP__D1(axis->last_texel));
+/* The two texels of a cell along an axis, as indices. */
+CONEMAP__HELPER void CONEMAP__KERNEL(cell_texels)(const conemap__flight_axis *axis, const float *sign, CONEMAP__D cell,
+                                                  CONEMAP__D *near_texel, CONEMAP__D *far_texel) {
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), last = CONEMAP__D1(axis->last_texel);
+    CONEMAP__D direction = CONEMAP__LOADFD(sign), pitch = CONEMAP__MULD(direction, CONEMAP__D1(axis->texel_pitch));
+    CONEMAP__W mirrored = CONEMAP__LTD(direction, zero);
+    CONEMAP__D start = CONEMAP__PICKD(mirrored, CONEMAP__D1(axis->last_texel * axis->texel_pitch), zero);
+    CONEMAP__D lower = CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell),
+                                     axis->wraps ? CONEMAP__PICKD(mirrored, one, zero) : CONEMAP__D1(axis->first));
+    CONEMAP__D upper = CONEMAP__ADDD(lower, one);
+    lower = CONEMAP__MIND(CONEMAP__PICKD(CONEMAP__LTD(lower, zero), CONEMAP__D1(axis->before), lower), last);
+    upper = CONEMAP__PICKD(CONEMAP__LTD(last, upper), CONEMAP__D1(axis->after), upper);
+    *near_texel = CONEMAP__ADDD(start, CONEMAP__MULD(lower, pitch));
+    *far_texel = CONEMAP__ADDD(start, CONEMAP__MULD(upper, pitch));
 }
 
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(far_texel)(const conemap__flight_axis *axis,
-                                                      const double *lower, CONEMAP__D cell) {
-    CONEMAP__D number = CONEMAP__ADDD(
-        CONEMAP__SUBD(CONEMAP__KERNEL(repeated)(axis, cell), CONEMAP__LOADD(lower)), CONEMAP__D1(1.0));
-    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(axis->last_texel), number), CONEMAP__D1(axis->after), number);
-}
-
-/* The same for the heights of the cells. */
+/* The same as aim for the heights of the cells. */
 CONEMAP__HELPER void CONEMAP__KERNEL(aim_close)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
-    conemap__way *u = &rays->way[0], *v = &rays->way[1];
-    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
-    CONEMAP__D pitch_u = CONEMAP__MULD(CONEMAP__LOADD(u->sign + at), CONEMAP__D1(f->axis[0].texel_pitch));
-    CONEMAP__D pitch_v = CONEMAP__MULD(CONEMAP__LOADD(v->sign + at), CONEMAP__D1(f->axis[1].texel_pitch));
-    CONEMAP__D start = CONEMAP__LOADD(rays->texel_start + at);
-    CONEMAP__D i0 = CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
-    CONEMAP__D i1 = CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[0], rays->lower[0] + at, i), pitch_u);
-    CONEMAP__D j0 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(near_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
-    CONEMAP__D j1 = CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__KERNEL(far_texel)(&f->axis[1], rays->lower[1] + at, j), pitch_v), start);
+    CONEMAP__D i0, i1, j0, j1;
+    CONEMAP__KERNEL(cell_texels)(&f->axis[0], rays->fast[0].sign + at, CONEMAP__LOADFD(rays->cell[0] + at), &i0, &i1);
+    CONEMAP__KERNEL(cell_texels)(&f->axis[1], rays->fast[1].sign + at, CONEMAP__LOADFD(rays->cell[1] + at), &j0, &j1);
     CONEMAP__STOREN(rays->corner[0] + at, CONEMAP__ADDD(j0, i0));
     CONEMAP__STOREN(rays->corner[1] + at, CONEMAP__ADDD(j0, i1));
     CONEMAP__STOREN(rays->corner[2] + at, CONEMAP__ADDD(j1, i0));
     CONEMAP__STOREN(rays->corner[3] + at, CONEMAP__ADDD(j1, i1));
-    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[0] + at);
-    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[2] + at);
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[0] + at, CONEMAP__DLANES);
+    CONEMAP__KERNEL(fetch)(f->heights, sizeof *f->heights, rays->corner[2] + at, CONEMAP__DLANES);
 }
 
 /* One step by the table for every flying lane of the group at slot `at`; returns the lanes that fly on. */
 CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
-    conemap__way *u = &rays->way[0], *v = &rays->way[1];
-    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
-    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
-    CONEMAP__D vz = CONEMAP__LOADD(rays->vz + at), state = CONEMAP__LOADD(rays->state + at);
-    CONEMAP__D major = CONEMAP__LOADD(rays->major + at);
-    CONEMAP__L record = CONEMAP__GATHERL(f->table, rays->record + at);
-    CONEMAP__L quadrant = CONEMAP__LSHRL(record, CONEMAP__LOADL(rays->shift + at));
-    /* top + 2^52 as a double's bits; slope and clear way have a double's exponent and two bits of its fraction */
-    CONEMAP__D top = CONEMAP__MULD(
-        CONEMAP__SUBD(CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(record, CONEMAP__L1(65535u)),
-                                                   CONEMAP__L1(UINT64_C(0x4330000000000000)))),
-                      CONEMAP__D1(4503599627370495.0)),
-        CONEMAP__D1(1.0 / 65536.0));
-    CONEMAP__D slope = CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LSHL(CONEMAP__LAND(quadrant, CONEMAP__L1(63u)), 50),
-                                                    CONEMAP__L1(UINT64_C(1008) << 52)));
-    CONEMAP__D clear = CONEMAP__SUBD(
-        CONEMAP__BITSD(CONEMAP__LADD(CONEMAP__LAND(CONEMAP__LSHL(quadrant, 44), CONEMAP__L1(UINT64_C(63) << 50)),
-                                     CONEMAP__L1(UINT64_C(1023) << 52))),
-        CONEMAP__D1(1.0));
-    CONEMAP__D gap = CONEMAP__SUBD(CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)), top);
-    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
-    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t);
-    CONEMAP__D sink = CONEMAP__ADDD(t, CONEMAP__MULD(gap, CONEMAP__LOADD(rays->sink + at)));
-    CONEMAP__D cone = CONEMAP__ADDD(
-        t, CONEMAP__DIVD(CONEMAP__MAXD(CONEMAP__SUBD(gap, slope), CONEMAP__D1(0.0)),
-                         CONEMAP__MAXD(CONEMAP__SUBD(CONEMAP__MULD(major, slope), vz), CONEMAP__D1(1e-290))));
-    CONEMAP__D level = CONEMAP__ADDD(t, CONEMAP__MULD(clear, CONEMAP__LOADD(rays->per_major + at)));
-    CONEMAP__D stop = CONEMAP__MAXD(cone, CONEMAP__MIND(CONEMAP__MAXD(level, leave), sink));
-    CONEMAP__W flies = CONEMAP__LTD(state, CONEMAP__D1(0.5));
-    CONEMAP__W passes = CONEMAP__ANDW(flies, CONEMAP__ANDW(CONEMAP__LED(leave, stop),
-                                                           CONEMAP__LTD(CONEMAP__D1(0.0), gap)));
-    CONEMAP__W goes = CONEMAP__ANDW(passes, CONEMAP__LED(t_end, stop));
-    stop = CONEMAP__MIND(stop, t_end);
-    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
-                                                 CONEMAP__PICKD(flies, CONEMAP__D1(1.0), CONEMAP__D1(0.0))));
-    i = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(u, at, i, leave_i, stop), i);
-    j = CONEMAP__PICKD(passes, CONEMAP__KERNEL(advance)(v, at, j, leave_j, stop), j);
+    const conemap__fast_way *u = &rays->fast[0], *v = &rays->fast[1];
+    const CONEMAP__F zero = CONEMAP__F1(0.0f), one = CONEMAP__F1(1.0f);
+    CONEMAP__F t = CONEMAP__LOADF(rays->now + at), t_end = CONEMAP__LOADF(rays->end + at);
+    CONEMAP__F i = CONEMAP__LOADF(rays->cell[0] + at), j = CONEMAP__LOADF(rays->cell[1] + at);
+    CONEMAP__F vz = CONEMAP__LOADF(rays->vz + at), state = CONEMAP__LOADF(rays->state + at);
+    CONEMAP__F reach = CONEMAP__LOADF(rays->reach + at);
+    CONEMAP__I record = CONEMAP__GATHERI(f->table, rays->record + at);
+    CONEMAP__I quadrant = CONEMAP__PICKI(CONEMAP__LT(CONEMAP__LOADF(u->sign + at), zero), CONEMAP__ISHR(record, 10), record);
+    CONEMAP__I slope_code = CONEMAP__IAND(quadrant, CONEMAP__I1(31));
+    CONEMAP__F top = CONEMAP__MUL(CONEMAP__TOF(CONEMAP__IADD(CONEMAP__ISHR(record, 20), CONEMAP__I1(1))),
+                                  CONEMAP__F1(1.0f / 4096.0f));
+    CONEMAP__F slope, clear, gap, late_i, late_j, early_i, early_j, sink, cone, level, stop, to_i, to_j, over;
+    CONEMAP__M flies, above, goes, far_on, next_i, next_j, passes;
+    /* slope and clear way have a float's exponent and two bits of its fraction */
+    slope = CONEMAP__PICK(CONEMAP__IGT(slope_code, CONEMAP__I1(30)), one,
+                          CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__ISHL(slope_code, 21), CONEMAP__I1((127 - 10) << 23))));
+    clear = CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__IAND(CONEMAP__ISHL(quadrant, 16), CONEMAP__I1(31 << 21)),
+                                         CONEMAP__I1(127 << 23))); /* and 1 */
+    gap = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__LOADF(rays->z + at), CONEMAP__MUL(vz, t)), top);
+    late_i = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(i, one), CONEMAP__LOADF(u->per_v + at)), CONEMAP__LOADF(u->late + at));
+    late_j = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(j, one), CONEMAP__LOADF(v->per_v + at)), CONEMAP__LOADF(v->late + at));
+    early_i = CONEMAP__SUB(late_i, CONEMAP__LOADF(u->early + at));
+    early_j = CONEMAP__SUB(late_j, CONEMAP__LOADF(v->early + at));
+    sink = CONEMAP__ADD(t, CONEMAP__MUL(gap, CONEMAP__LOADF(rays->sink + at)));
+    cone = CONEMAP__ADD(t, CONEMAP__DIV(
+        CONEMAP__MAX(CONEMAP__SUB(gap, CONEMAP__MUL(slope, reach)), zero),
+        CONEMAP__MAX(CONEMAP__SUB(CONEMAP__MUL(CONEMAP__LOADF(rays->major + at), slope), vz), CONEMAP__F1(1e-30f))));
+    level = CONEMAP__ADD(t, CONEMAP__MUL(CONEMAP__SUB(clear, reach), CONEMAP__LOADF(rays->per_major + at)));
+    stop = CONEMAP__MAX(cone, CONEMAP__MIN(level, sink));
+    over = CONEMAP__MIN(sink, CONEMAP__MIN(early_i, early_j));
+    flies = CONEMAP__LT(state, CONEMAP__F1(0.5f));
+    above = CONEMAP__AND(flies, CONEMAP__LT(zero, gap));
+    goes = CONEMAP__AND(above, CONEMAP__LE(t_end, CONEMAP__MAX(stop, over)));
+    stop = CONEMAP__MIN(stop, t_end);
+    to_i = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(u->behind + at), CONEMAP__MUL(CONEMAP__LOADF(u->v + at), stop))));
+    to_j = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(v->behind + at), CONEMAP__MUL(CONEMAP__LOADF(v->v + at), stop))));
+    to_i = CONEMAP__MAX(to_i, i);
+    to_j = CONEMAP__MAX(to_j, j);
+    far_on = CONEMAP__OR(CONEMAP__LT(i, to_i), CONEMAP__LT(j, to_j));
+    next_i = CONEMAP__ANDNOT(CONEMAP__AND(CONEMAP__LT(late_i, early_j), CONEMAP__LE(late_i, sink)), far_on);
+    next_j = CONEMAP__ANDNOT(CONEMAP__AND(CONEMAP__LT(late_j, early_i), CONEMAP__LE(late_j, sink)), far_on);
+    to_i = CONEMAP__PICK(next_i, CONEMAP__ADD(i, one), to_i);
+    to_j = CONEMAP__PICK(next_j, CONEMAP__ADD(j, one), to_j);
+    stop = CONEMAP__PICK(next_i, CONEMAP__MAX(early_i, t), stop);
+    stop = CONEMAP__PICK(next_j, CONEMAP__MAX(early_j, t), stop);
+    passes = CONEMAP__AND(above, CONEMAP__OR(far_on, CONEMAP__OR(next_i, next_j)));
+    i = CONEMAP__PICK(passes, to_i, i);
+    j = CONEMAP__PICK(passes, to_j, j);
     CONEMAP__KERNEL(aim)(f, rays, at, i, j);
-    CONEMAP__STORED(rays->cell[0] + at, i);
-    CONEMAP__STORED(rays->cell[1] + at, j);
-    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(passes, stop, t));
-    flies = CONEMAP__ANDNOTW(flies, passes);
-    state = CONEMAP__PICKD(flies, CONEMAP__D1(CONEMAP__CLOSE), state);
-    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(goes, CONEMAP__D1(CONEMAP__GONE), state));
-    return CONEMAP__BITSW(CONEMAP__ANDNOTW(passes, goes));
+    CONEMAP__STOREF(rays->cell[0] + at, i);
+    CONEMAP__STOREF(rays->cell[1] + at, j);
+    CONEMAP__STOREF(rays->now + at, CONEMAP__PICK(passes, stop, t));
+    CONEMAP__STOREF(rays->steps + at, CONEMAP__ADD(CONEMAP__LOADF(rays->steps + at), CONEMAP__PICK(flies, one, zero)));
+    state = CONEMAP__PICK(CONEMAP__ANDNOT(flies, passes), CONEMAP__F1(CONEMAP__CLOSE), state);
+    CONEMAP__STOREF(rays->state + at, CONEMAP__PICK(goes, CONEMAP__F1(CONEMAP__GONE), state));
+    return CONEMAP__BITS(CONEMAP__ANDNOT(passes, goes));
 }
 
 /* Meets every close lane with the patch of its cell, as conemap__walk_hit does; lanes that do not hit fly on. */
 CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__block_of_rays *rays, int at) {
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
-    const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(1e300);
-    CONEMAP__D t = CONEMAP__LOADD(rays->t + at), t_end = CONEMAP__LOADD(rays->t_end + at);
-    CONEMAP__D i = CONEMAP__LOADD(rays->cell[0] + at), j = CONEMAP__LOADD(rays->cell[1] + at);
-    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz + at);
-    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
+    const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    CONEMAP__D i = CONEMAP__LOADFD(rays->cell[0] + at), j = CONEMAP__LOADFD(rays->cell[1] + at);
+    CONEMAP__D enter_i = CONEMAP__KERNEL(border)(u, at, i), leave_i = CONEMAP__KERNEL(border)(u, at, CONEMAP__ADDD(i, one));
+    CONEMAP__D enter_j = CONEMAP__KERNEL(border)(v, at, j), leave_j = CONEMAP__KERNEL(border)(v, at, CONEMAP__ADDD(j, one));
+    CONEMAP__D t_end = CONEMAP__LOADD(rays->t_end + at), leave = CONEMAP__MIND(leave_i, leave_j);
+    CONEMAP__D enter = CONEMAP__MAXD(CONEMAP__PICKD(CONEMAP__LTD(enter_i, never), enter_i, zero),
+                                     CONEMAP__PICKD(CONEMAP__LTD(enter_j, never), enter_j, zero));
+    CONEMAP__D now = CONEMAP__LOADFD(rays->now + at), t = CONEMAP__MIND(CONEMAP__MAXD(now, enter), t_end);
+    CONEMAP__D end = CONEMAP__MIND(CONEMAP__MAXD(leave, t), t_end);
+    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz_exact + at);
+    CONEMAP__D state = CONEMAP__LOADFD(rays->state + at);
     CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, rays->corner[0] + at);
     CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, rays->corner[1] + at);
     CONEMAP__D h01 = CONEMAP__GATHERFD(f->heights, rays->corner[2] + at);
     CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, rays->corner[3] + at);
-    CONEMAP__D leave_i = CONEMAP__KERNEL(leave)(u, at, i), leave_j = CONEMAP__KERNEL(leave)(v, at, j);
-    CONEMAP__D leave = CONEMAP__MAXD(CONEMAP__MIND(leave_i, leave_j), t), end = CONEMAP__MIND(leave, t_end);
     CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
     CONEMAP__D y = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, t), j));
     CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
@@ -14446,7 +14469,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__D hx = CONEMAP__SUBD(h10, h00), hy = CONEMAP__SUBD(h01, h00);
     CONEMAP__D hxy = CONEMAP__SUBD(CONEMAP__SUBD(h11, h01), hx);
     CONEMAP__D z = CONEMAP__PICKD(CONEMAP__LED(t_end, t), CONEMAP__LOADD(rays->z_end + at),
-                                  CONEMAP__ADDD(CONEMAP__LOADD(rays->z + at), CONEMAP__MULD(vz, t)));
+                                  CONEMAP__ADDD(CONEMAP__LOADD(rays->z_exact + at), CONEMAP__MULD(vz, t)));
     CONEMAP__D c = CONEMAP__SUBD(
         z, CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x)), CONEMAP__MULD(hy, y)),
                          CONEMAP__MULD(hxy, CONEMAP__MULD(x, y))));
@@ -14476,23 +14499,22 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
     inside = CONEMAP__LED(c, zero);
     first = CONEMAP__PICKD(inside, zero, first);
-    meets = CONEMAP__ORW(meets, inside);
+    meets = CONEMAP__ANDW(CONEMAP__ORW(meets, inside), CONEMAP__LED(t, leave));
     close = CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state), CONEMAP__LTD(CONEMAP__D1(1.5), state));
-    CONEMAP__STORED(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADD(rays->steps + at),
-                                                 CONEMAP__PICKD(close, CONEMAP__D1(1.0), zero)));
-    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__PICKD(meets, CONEMAP__ADDD(t, first), end), t));
+    CONEMAP__STOREDF(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADFD(rays->steps + at), CONEMAP__PICKD(close, one, zero)));
+    CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__ADDD(t, first), CONEMAP__LOADD(rays->t + at)));
     meets = CONEMAP__ANDW(close, meets);
     close = CONEMAP__ANDNOTW(close, meets);
-    i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, CONEMAP__D1(1.0)), i);
-    j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, CONEMAP__D1(1.0)), j);
-    CONEMAP__KERNEL(aim)(f, rays, at, i, j);
-    CONEMAP__STORED(rays->cell[0] + at, i);
-    CONEMAP__STORED(rays->cell[1] + at, j);
-    state = CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__MET), state);
+    CONEMAP__STOREDF(rays->now + at, CONEMAP__PICKD(close, CONEMAP__MULD(end, CONEMAP__D1(1.0 - 1.0 / 4194304.0)), now));
+    i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, one), i);
+    j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, one), j);
+    CONEMAP__STOREDF(rays->cell[0] + at, i);
+    CONEMAP__STOREDF(rays->cell[1] + at, j);
+    state = CONEMAP__PICKD(meets, CONEMAP__D1((double)CONEMAP__MET), state);
     ends = CONEMAP__ANDW(close, ends);
     close = CONEMAP__ANDNOTW(close, ends);
-    state = CONEMAP__PICKD(ends, CONEMAP__D1(CONEMAP__GONE), state);
-    CONEMAP__STORED(rays->state + at, CONEMAP__PICKD(close, CONEMAP__D1(CONEMAP__FLYING), state));
+    state = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP__GONE), state);
+    CONEMAP__STOREDF(rays->state + at, CONEMAP__PICKD(close, zero, state));
 }
 
 /* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends it. */
@@ -14520,10 +14542,10 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(inverse)(CONEMAP__D v) {
                                                                  CONEMAP__PICKD(still, CONEMAP__D1(1.0), v)));
 }
 
-/* Puts the rays on their way along an axis, as conemap__enter_axis, mirrored; returns the lanes that are. */
-CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axis *axis, conemap__way *way,
-                                                       double *to_cell, double *lower, CONEMAP__D position, CONEMAP__D v, CONEMAP__D per_v,
-                                                       CONEMAP__W meets) {
+/* Puts the rays on their way along an axis, as conemap__enter_axis, mirrored; returns the farthest place. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(board_axis)(const conemap__flight_axis *axis, conemap__way *way,
+                                                       float *to_cell, float *sign, CONEMAP__D position, CONEMAP__D v,
+                                                       CONEMAP__D per_v, CONEMAP__D t_end, CONEMAP__W meets) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0);
     CONEMAP__W flip = CONEMAP__LTD(v, zero), moves = CONEMAP__ORW(flip, CONEMAP__LTD(zero, v));
     CONEMAP__D cells = CONEMAP__D1(axis->cells), first = CONEMAP__D1(axis->first), x, cell, place, p;
@@ -14551,16 +14573,26 @@ CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
     per_v = CONEMAP__MULD(per_v, CONEMAP__D1(1.0 / axis->size));
     v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, v), v);
     per_v = CONEMAP__PICKD(flip, CONEMAP__SUBD(zero, per_v), per_v);
-    CONEMAP__STORED(to_cell, cell);
+    CONEMAP__STOREDF(to_cell, cell);
     CONEMAP__STORED(way->p, p);
-    CONEMAP__STORED(way->v, CONEMAP__PICKD(meets, v, zero));
+    v = CONEMAP__PICKD(meets, v, zero);
+    CONEMAP__STORED(way->v, v);
     CONEMAP__STORED(way->per_v, CONEMAP__PICKD(meets, per_v, zero));
     CONEMAP__STORED(way->border, CONEMAP__PICKD(CONEMAP__ANDW(moves, meets),
                                                 CONEMAP__SUBD(zero, CONEMAP__MULD(p, per_v)),
                                                 CONEMAP__D1(CONEMAP__NEVER)));
-    CONEMAP__STORED(way->sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
-    CONEMAP__STORED(lower, axis->wraps ? CONEMAP__PICKD(flip, one, zero) : first);
-    return flip;
+    CONEMAP__STOREDF(sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
+    return CONEMAP__ADDD(p, CONEMAP__MULD(v, t_end));
+}
+
+/* The way in floats, whose positions are off by half of `error` at most. */
+CONEMAP__HELPER void CONEMAP__KERNEL(board_fast)(const conemap__way *way, conemap__fast_way *fast, CONEMAP__D error) {
+    CONEMAP__D per_v = CONEMAP__LOADD(way->per_v), twice = CONEMAP__MULD(CONEMAP__ADDD(error, error), per_v);
+    CONEMAP__STOREDF(fast->behind, CONEMAP__SUBD(CONEMAP__LOADD(way->p), error));
+    CONEMAP__STOREDF(fast->v, CONEMAP__LOADD(way->v));
+    CONEMAP__STOREDF(fast->per_v, per_v);
+    CONEMAP__STOREDF(fast->late, CONEMAP__MIND(CONEMAP__ADDD(CONEMAP__LOADD(way->border), twice), CONEMAP__D1(1e30)));
+    CONEMAP__STOREDF(fast->early, CONEMAP__ADDD(twice, twice));
 }
 
 /* Boards the next rays of the stream, as conemap__enter does one, into the waiting block; invalid ones are answered. */
@@ -14569,8 +14601,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     conemap__block_of_rays *rays = f->waiting;
     conemap__stream *stream = &f->stream;
     float columns[8][CONEMAP__DLANES] = {{0}};
-    CONEMAP__D o[3], v[3], per_v[3], longest, power, t_min, t0, t1, box0, box1, status, z_out, reach, major;
-    CONEMAP__W ends, meets, in_box, flip_u, flip_v;
+    CONEMAP__D o[3], v[3], per_v[3], longest, power, per_power, t_min, t0, t1, box0, box1, status, z_out, reach, major, t_end, far_u, far_v, error, z;
+    CONEMAP__W ends, meets, in_box;
     int lanes = 0, k;
     while (lanes < CONEMAP__DLANES && stream->next < stream->count) {
         conemap_ray ray;
@@ -14605,10 +14637,11 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
                                             CONEMAP__LTD(CONEMAP__D1(-1e-30), v[k])), zero, v[k]);
         per_v[k] = CONEMAP__KERNEL(inverse)(v[k]);
     }
-    t_min = CONEMAP__DIVD(CONEMAP__LOADFD(columns[6]), power);
+    per_power = CONEMAP__BITSD(CONEMAP__LAND(CONEMAP__BITSL(longest), CONEMAP__L1(UINT64_C(2047) << 52)));
+    t_min = CONEMAP__MULD(CONEMAP__LOADFD(columns[6]), per_power);
     t1 = CONEMAP__LOADFD(columns[7]);
     box0 = t_min;
-    box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__DIVD(t1, power));
+    box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__MULD(t1, per_power));
 
     /* The unit box says how a ray that meets nothing ends. */
     ends = CONEMAP__KERNEL(clip)(o[2], v[2], 0.0, 1.0, &box0, &box1);
@@ -14634,62 +14667,62 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     status = CONEMAP__PICKD(in_box, status, CONEMAP__D1((double)CONEMAP_LEFT));
     box1 = CONEMAP__PICKD(in_box, box1, t_min);
     /* Past its reach a wrapping ray is given up. */
-    reach = CONEMAP__DIVD(
-        CONEMAP__D1(CONEMAP__REACH),
-        CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__MAXD(v[0], CONEMAP__SUBD(zero, v[0])),
-                                                  CONEMAP__D1(f->axis[0].size)),
-                                    CONEMAP__MULD(CONEMAP__MAXD(v[1], CONEMAP__SUBD(zero, v[1])),
-                                                  CONEMAP__D1(f->axis[1].size))),
-                      CONEMAP__D1(1e-30)));
-    ends = CONEMAP__ANDW(meets, CONEMAP__LTD(reach, CONEMAP__SUBD(t1, t0)));
-    t1 = CONEMAP__PICKD(ends, CONEMAP__ADDD(t0, reach), t1);
-    box1 = CONEMAP__PICKD(ends, t1, box1);
-    z_out = CONEMAP__PICKD(ends, zero, z_out);
-    status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_STEP_CAP), status);
+    if (f->axis[0].wraps || f->axis[1].wraps) {
+        reach = CONEMAP__DIVD(
+            CONEMAP__D1(CONEMAP__REACH),
+            CONEMAP__ADDD(CONEMAP__ADDD(CONEMAP__MULD(CONEMAP__MAXD(v[0], CONEMAP__SUBD(zero, v[0])),
+                                                      CONEMAP__D1(f->axis[0].size)),
+                                        CONEMAP__MULD(CONEMAP__MAXD(v[1], CONEMAP__SUBD(zero, v[1])),
+                                                      CONEMAP__D1(f->axis[1].size))),
+                          CONEMAP__D1(1e-30)));
+        ends = CONEMAP__ANDW(meets, CONEMAP__LTD(reach, CONEMAP__SUBD(t1, t0)));
+        t1 = CONEMAP__PICKD(ends, CONEMAP__ADDD(t0, reach), t1);
+        box1 = CONEMAP__PICKD(ends, t1, box1);
+        z_out = CONEMAP__PICKD(ends, zero, z_out);
+        status = CONEMAP__PICKD(ends, CONEMAP__D1((double)CONEMAP_STEP_CAP), status);
+    }
 
-    flip_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], rays->cell[0], rays->lower[0],
-                                         CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0],
-                                         per_v[0], meets);
-    flip_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], rays->cell[1], rays->lower[1],
-                                         CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1],
-                                         per_v[1], meets);
+    t_end = CONEMAP__PICKD(meets, CONEMAP__SUBD(t1, t0), zero);
+    far_u = CONEMAP__KERNEL(board_axis)(&f->axis[0], &rays->way[0], rays->cell[0], rays->fast[0].sign,
+                                        CONEMAP__ADDD(o[0], CONEMAP__MULD(v[0], t0)), v[0], per_v[0], t_end, meets);
+    far_v = CONEMAP__KERNEL(board_axis)(&f->axis[1], &rays->way[1], rays->cell[1], rays->fast[1].sign,
+                                        CONEMAP__ADDD(o[1], CONEMAP__MULD(v[1], t0)), v[1], per_v[1], t_end, meets);
+    error = CONEMAP__MULD(CONEMAP__ADDD(CONEMAP__MAXD(far_u, far_v), one), CONEMAP__D1(1.0 / 2097152.0));
+    CONEMAP__KERNEL(board_fast)(&rays->way[0], &rays->fast[0], error);
+    CONEMAP__KERNEL(board_fast)(&rays->way[1], &rays->fast[1], error);
+    CONEMAP__STOREDF(rays->reach, CONEMAP__ADDD(one, CONEMAP__MULD(CONEMAP__D1(8.0), error)));
     major = CONEMAP__MAXD(CONEMAP__LOADD(rays->way[0].v), CONEMAP__LOADD(rays->way[1].v));
-    CONEMAP__STORED(rays->major, major);
-    CONEMAP__STORED(rays->per_major, CONEMAP__PICKD(CONEMAP__LED(major, zero), CONEMAP__D1(1e290),
-                                                    CONEMAP__KERNEL(inverse)(major)));
-    CONEMAP__STORED(rays->z, CONEMAP__PICKD(
-        meets, CONEMAP__KERNEL(clamp01)(CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t0))), zero));
-    CONEMAP__STORED(rays->vz, v[2]);
+    CONEMAP__STOREDF(rays->major, major);
+    CONEMAP__STOREDF(rays->per_major, CONEMAP__PICKD(
+        CONEMAP__LED(major, zero), CONEMAP__D1(1e30),
+        CONEMAP__PICKD(CONEMAP__LED(major, CONEMAP__LOADD(rays->way[0].v)), CONEMAP__LOADD(rays->way[0].per_v),
+                       CONEMAP__LOADD(rays->way[1].per_v))));
+    z = CONEMAP__PICKD(meets, CONEMAP__KERNEL(clamp01)(CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t0))), zero);
+    CONEMAP__STORED(rays->z_exact, z);
+    CONEMAP__STOREDF(rays->z, CONEMAP__SUBD(z, CONEMAP__D1(1.0 / 524288.0)));
+    CONEMAP__STORED(rays->vz_exact, v[2]);
+    CONEMAP__STOREDF(rays->vz, v[2]);
     /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
     CONEMAP__STORED(rays->z_end, CONEMAP__PICKD(
         CONEMAP__LTD(zero, z_out), CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), zero, one),
         CONEMAP__KERNEL(clamp01)(CONEMAP__PICKD(meets, CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t1)), zero))));
-    CONEMAP__STORED(rays->sink, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__SUBD(zero, per_v[2]),
-                                               CONEMAP__D1(1e290)));
-    CONEMAP__STORED(rays->t, zero);
-    CONEMAP__STORED(rays->t_end, CONEMAP__PICKD(meets, CONEMAP__SUBD(t1, t0), zero));
-    CONEMAP__STORED(rays->steps, zero);
-    CONEMAP__STORED(rays->state, CONEMAP__PICKD(meets, CONEMAP__D1(CONEMAP__FLYING), CONEMAP__D1(CONEMAP__GONE)));
+    CONEMAP__STOREDF(rays->sink, CONEMAP__PICKD(CONEMAP__LTD(v[2], zero), CONEMAP__SUBD(zero, per_v[2]),
+                                                CONEMAP__D1(1e30)));
+    CONEMAP__STORED(rays->t_end, t_end);
+    CONEMAP__STOREDF(rays->end, CONEMAP__MULD(t_end, CONEMAP__D1(1.0 + 1.0 / 4194304.0)));
+    CONEMAP__STOREDF(rays->state, CONEMAP__PICKD(meets, zero, CONEMAP__D1((double)CONEMAP__GONE)));
     CONEMAP__STORED(rays->t_start, CONEMAP__PICKD(meets, t0, zero));
     CONEMAP__STORED(rays->t_gone, box1);
     CONEMAP__STORED(rays->t_scale, power);
     CONEMAP__STORED(rays->end_status, status);
-    CONEMAP__STORED(rays->table_start, CONEMAP__ADDD(
-        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last), zero),
-        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last * f->axis[1].pitch), zero)));
-    CONEMAP__STORED(rays->texel_start, CONEMAP__ADDD(
-        CONEMAP__PICKD(flip_u, CONEMAP__D1(f->axis[0].last_texel), zero),
-        CONEMAP__PICKD(flip_v, CONEMAP__D1(f->axis[1].last_texel * f->axis[1].texel_pitch), zero)));
-    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADD(rays->cell[0]), CONEMAP__LOADD(rays->cell[1]));
-    for (k = 0; k < lanes; ++k)
-        rays->shift[k] = 16u + (rays->way[0].sign[k] < 0.0 ? 12u : 0u) + (rays->way[1].sign[k] < 0.0 ? 24u : 0u);
+    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADF(rays->cell[0]), CONEMAP__LOADF(rays->cell[1]));
 }
 
 /* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are aboard. */
 CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_of_rays *rays, int at) {
-    CONEMAP__D state = CONEMAP__LOADD(rays->state + at);
-    int arrived = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(1.5), state));
-    int empty = CONEMAP__BITSW(CONEMAP__LTD(CONEMAP__D1(3.5), state)), aboard = CONEMAP__DLANES, k;
+    CONEMAP__F state = CONEMAP__LOADF(rays->state + at);
+    int arrived = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(1.5f), state));
+    int empty = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(3.5f), state)), aboard = CONEMAP__LANES, k;
     for (k = at; arrived; ++k, arrived >>= 1, empty >>= 1) {
         if (!(arrived & 1)) continue;
         if (!(empty & 1)) conemap__land(&f->stream, rays, k);
@@ -14709,28 +14742,30 @@ CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_o
    their patches in the next turn, and its arrived rays make room in the one after. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
     enum { FLY, AIM, MEET, CHANGE, DONE };
-    int turn[CONEMAP__SLOTS / CONEMAP__DLANES];
-    int groups = conemap__mini(CONEMAP__SLOTS / CONEMAP__DLANES, (f->stream.count - 1) / CONEMAP__DLANES + 1);
+    int turn[CONEMAP__SLOTS / CONEMAP__LANES];
+    int groups = conemap__mini(CONEMAP__SLOTS / CONEMAP__LANES, (f->stream.count - 1) / CONEMAP__LANES + 1);
     int busy = groups, group, k;
-    memset(f->blocks, 0, sizeof *f->blocks * (size_t)((groups * CONEMAP__DLANES - 1) / CONEMAP__BLOCK + 1));
-    for (k = 0; k < groups * CONEMAP__DLANES; ++k)
+    memset(f->blocks, 0, sizeof *f->blocks * (size_t)((groups * CONEMAP__LANES - 1) / CONEMAP__BLOCK + 1));
+    memset(f->waiting, 0, sizeof *f->waiting);
+    for (k = 0; k < groups * CONEMAP__LANES; ++k)
         f->blocks[k / CONEMAP__BLOCK].state[k % CONEMAP__BLOCK] = CONEMAP__EMPTY;
     for (group = 0; group < groups; ++group) turn[group] = CHANGE;
     f->waiting_next = f->waiting_count = 0;
     for (group = 0; busy > 0; group = group + 1 < groups ? group + 1 : 0) {
-        conemap__block_of_rays *rays = &f->blocks[group * CONEMAP__DLANES / CONEMAP__BLOCK];
-        int at = group * CONEMAP__DLANES % CONEMAP__BLOCK;
+        conemap__block_of_rays *rays = &f->blocks[group * CONEMAP__LANES / CONEMAP__BLOCK];
+        int at = group * CONEMAP__LANES % CONEMAP__BLOCK;
         if (turn[group] == FLY) {
             int flying = CONEMAP__KERNEL(fly_on)(f, rays, at);
-            turn[group] = 2 * conemap__count_bits(flying) <= CONEMAP__DLANES; /* FLY or AIM, without a branch */
+            turn[group] = 2 * conemap__count_bits(flying) <= CONEMAP__LANES; /* FLY or AIM, without a branch */
         } else if (turn[group] == AIM) {
-            CONEMAP__KERNEL(aim_close)(f, rays, at);
+            for (k = 0; k < CONEMAP__LANES; k += CONEMAP__DLANES) CONEMAP__KERNEL(aim_close)(f, rays, at + k);
             turn[group] = MEET;
         } else if (turn[group] == MEET) {
-            CONEMAP__KERNEL(meet)(f, rays, at);
+            for (k = 0; k < CONEMAP__LANES; k += CONEMAP__DLANES) CONEMAP__KERNEL(meet)(f, rays, at + k);
             turn[group] = CHANGE;
         } else if (turn[group] == CHANGE) {
             turn[group] = FLY;
+            CONEMAP__KERNEL(aim)(f, rays, at, CONEMAP__LOADF(rays->cell[0] + at), CONEMAP__LOADF(rays->cell[1] + at));
             if (CONEMAP__KERNEL(change)(f, rays, at) == 0) {
                 turn[group] = DONE;
                 --busy;
@@ -14798,22 +14833,20 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
 #undef CONEMAP__DIVD
 #undef CONEMAP__DLANES
 #undef CONEMAP__GATHERFD
-#undef CONEMAP__GATHERL
 #undef CONEMAP__L
 #undef CONEMAP__L1
-#undef CONEMAP__LADD
 #undef CONEMAP__LAND
 #undef CONEMAP__LED
 #undef CONEMAP__LOADD
-#undef CONEMAP__LOADL
-#undef CONEMAP__LSHL
 #undef CONEMAP__LOADN
 #undef CONEMAP__STOREN
+#undef CONEMAP__STOREDF
+#undef CONEMAP__GATHERI
+#undef CONEMAP__IMUL
 #undef CONEMAP__LOADFD
 #undef CONEMAP__FLOORD
 #undef CONEMAP__LSUB
 #undef CONEMAP__BITSL
-#undef CONEMAP__LSHRL
 #undef CONEMAP__LTD
 #undef CONEMAP__MAXD
 #undef CONEMAP__MIND

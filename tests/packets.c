@@ -189,6 +189,52 @@ static void same_hits(void)
     }
 }
 
+/* Level rays that go round and round a map, for up to 2^20 texels, until they meet the one texel that stands out: flights in
+   floats know their place there only roughly. */
+static void far_flights(void)
+{
+    enum { SIDE = 512, FAR_RAYS = 96 };
+    struct zoo_random random = zoo_seed(73);
+    static float heights[SIDE * SIDE];
+    conemap_map map;
+    conemap_prepared prepared;
+    conemap_desc desc;
+    conemap_trace_desc trace;
+    int k, hit_count = 0;
+    memset(heights, 0, sizeof heights);
+    heights[77 * SIDE + 300] = 1.0f;
+    memset(&desc, 0, sizeof desc);
+    memset(&trace, 0, sizeof trace);
+    trace.tracer = CONEMAP_TRACE_MAXMIP;
+    desc.heights.pixels = heights;
+    desc.heights.width = desc.heights.height = SIDE;
+    desc.wrap_u = desc.wrap_v = CONEMAP_WRAP;
+    desc.generator = CONEMAP_QUICK;
+    desc.keep_pyramid = 1;
+    REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+    REQUIRE(conemap_prepare(&map, NULL, &prepared) == CONEMAP_OK, "prepare");
+    memset(rays, 0, sizeof rays);
+    for (k = 0; k < FAR_RAYS; ++k) {
+        rays[k].origin[0] = zoo_unit(&random);
+        rays[k].origin[1] = zoo_unit(&random);
+        rays[k].origin[2] = 0.3f;
+        rays[k].direction[0] = zoo_between(&random, -1.0f, 1.0f);
+        rays[k].direction[1] = k % 4 ? zoo_between(&random, -1.0f, 1.0f) : rays[k].direction[0] * (1.0f + 1.0f / 4096.0f);
+    }
+    CHECK(conemap_trace(&map, &trace, rays, expected, FAR_RAYS) == CONEMAP_OK, "trace");
+    CHECK(conemap_trace_prepared(&prepared, rays, hits, FAR_RAYS) == CONEMAP_OK, "trace prepared");
+    for (k = 0; k < FAR_RAYS; ++k) {
+        CHECK(hits[k].status == expected[k].status &&
+                  fabs((double)hits[k].t - (double)expected[k].t) <= 1e-6 * (double)expected[k].t,
+              "ray %d: status %d at t %.9g, not %d at %.9g", k, (int)hits[k].status, (double)hits[k].t,
+              (int)expected[k].status, (double)expected[k].t);
+        hit_count += hits[k].status == CONEMAP_HIT;
+    }
+    CHECK(hit_count > FAR_RAYS / 2, "only %d hits", hit_count);
+    conemap_free_prepared(&prepared);
+    conemap_free(&map);
+}
+
 /* Which cones a map has is nothing to the table. */
 static void any_cones(void)
 {
@@ -329,7 +375,7 @@ static void count_release(void *memory, void *user)
 
 static void bad_input(void)
 {
-    conemap_map map;
+    conemap_map map, wide;
     conemap_prepared prepared, zero;
     conemap_prepare_desc desc;
     conemap_ray_arrays in;
@@ -360,6 +406,10 @@ static void bad_input(void)
         conemap_free_prepared(&prepared);
         CHECK(releases == k, "%d of %d released", releases, k);
     }
+    wide = map;
+    wide.info.width = (1 << 21) + 2;
+    CHECK(conemap_prepare(&wide, NULL, &prepared) == CONEMAP_ERROR_OVERFLOW, "too wide");
+    CHECK(memcmp(&prepared, &zero, sizeof zero) == 0, "not zeroed");
     size = conemap_prepare_memory(&map);
     CHECK(size == 15 * 8 * 8 && conemap_prepare_memory(NULL) == 0, "%lu bytes", (unsigned long)size);
     memory = (unsigned char *)test_alloc(size);
@@ -388,6 +438,7 @@ static void bad_input(void)
 
 const struct test_case packets_tests[] = {
     {"the exact tracer's hits", same_hits},
+    {"far flights", far_flights},
     {"whatever the cones", any_cones},
     {"the same bits everywhere", same_bits},
     {"bad input", bad_input},
