@@ -7898,7 +7898,7 @@ typedef struct conemap__piece {
     char text[CONEMAP__PIECE_SIZE];
 } conemap__piece;
 
-#define CONEMAP__PIECES 128
+#define CONEMAP__PIECES 160
 #define CONEMAP__NAME_SIZE 64
 #define CONEMAP__GIVEN 9
 
