@@ -8133,7 +8133,7 @@ typedef struct conemap__piece {
     char text[CONEMAP__PIECE_SIZE];
 } conemap__piece;
 
-#define CONEMAP__PIECES 128
+#define CONEMAP__PIECES 160
 #define CONEMAP__NAME_SIZE 64
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 64 /* snippets in one at most */
