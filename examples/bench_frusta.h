@@ -98,6 +98,44 @@ static double frusta_wrong(const conemap_skeleton_hit *hits, const conemap_skele
     return all ? 100.0 * wrong / all : 0;
 }
 
+/* The relief's height at a place of a frustum. */
+static float frusta_height(const conemap_map *map, const conemap_frustum *f, float u, float v) {
+    conemap_sample sample;
+    v = v < 0 ? 0 : v > 1 ? 1 : v;
+    conemap_sample_at(map, (u + v * f->twist) * (float)f->u_repeat, f->v_start + v * f->v_size, &sample);
+    return sample.height;
+}
+
+/* The same relief as displaced meshes, as [BJCW09 section 4] compares with, of `side` quads around a segment and as many
+   along it as make them square on the map: the share of their points that are wrong, by frusta_wrong's measure. */
+static double frusta_mesh_wrong(const conemap_skeleton *skeleton, const conemap_map *map, int side, int rows) {
+    enum { POINTS = 20000 };
+    int wrong = 0;
+    for (uint32_t k = 0; k < POINTS; ++k) {
+        const conemap_frustum *f = &skeleton->frusta[(int)(k * 31u % (uint32_t)skeleton->count)];
+        float x = frusta_random(k, 41), y = frusta_random(k, 42), place[3] = {0, 0, 0}, at[3];
+        float weights[3] = {1 - x - y, x, y};
+        int i = (int)(frusta_random(k, 43) * (float)side), j = (int)(frusta_random(k, 44) * (float)rows);
+        int flip = x + y > 1; /* the other triangle of the quad */
+        if (flip) {
+            weights[0] = x + y - 1;
+            weights[1] = 1 - x;
+            weights[2] = 1 - y;
+        }
+        for (int n = 0; n < 3; ++n) {
+            float uvw[3] = {(float)(i + (flip ? n != 1 : n == 1)) / (float)side,
+                            (float)(j + (flip ? n != 2 : n == 2)) / (float)rows, 0};
+            float corner[3];
+            uvw[2] = frusta_height(map, f, uvw[0], uvw[1]);
+            conemap_frustum_point(f, uvw, corner);
+            for (int c = 0; c < 3; ++c) place[c] += weights[n] * corner[c];
+        }
+        conemap_frustum_uvw(f, place, at);
+        wrong += fabsf(at[2] - frusta_height(map, f, at[0], at[1])) * (f->t + 0.5f * f->tk * f->h) > 0.003f;
+    }
+    return 100.0 * wrong / POINTS;
+}
+
 static int bench_relief(const char *map_name, const struct image *image) {
     static const struct {
         const char *name;
@@ -168,6 +206,11 @@ static int bench_relief(const char *map_name, const struct image *image) {
         if (k != AGAINST)
             figure(name, map_name, median_ratio(times[k], times[AGAINST]), "ratio (below 1: faster)");
     }
+    int side = 4; /* how fine a mesh must be to be no more often wrong than the steps that others are compared with */
+    float along = desc.v_per_length; /* of the map for each segment: their length is 1 */
+    while (side < 4096 && frusta_mesh_wrong(&skeleton, &map, side, (int)((float)side * along) + 1) > wrong[AGAINST])
+        side *= 2;
+    figure("frusta.triangles", map_name, 2.0 * side * (int)((float)side * along + 1), "a segment, as right as steps64");
     conemap_skeleton_free(&skeleton);
     conemap_free(&map);
     return 1;
