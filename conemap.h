@@ -2017,34 +2017,43 @@ typedef struct conemap__search {
     int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
 } conemap__search;
 
-/* A tile's texels in Morton order, so that any 4 of them are a group of 2 x 2, any 16 a block of 4 x 4. */
+#define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
+#define CONEMAP__TINY 1.0e-30f
+
+/* A tile's texels, row by row. */
 typedef struct conemap__tile {
     float height[CONEMAP__TILE * CONEMAP__TILE]; /* 2 for texels that are not searched */
     float slope2[CONEMAP__TILE * CONEMAP__TILE]; /* in: what is known already; out: what was found */
-    float lowest[16], bar[16]; /* of each group: lowest texel; least slope2, less CONEMAP__MARGIN */
-    float folded[16], lane_folded[CONEMAP__TILE * CONEMAP__TILE]; /* the steepest bounds that slack alone pruned */
+    float folded[CONEMAP__TILE * CONEMAP__TILE]; /* the steepest bounds that slack alone pruned */
     int32_t decider[CONEMAP__TILE * CONEMAP__TILE]; /* number in `noted`, 0 for none */
+    float lowest[16], bar[16]; /* of groups of 2 x 2 texels: lowest texel; least slope2, less CONEMAP__MARGIN */
     int noted, noted_x[CONEMAP__NOTED], noted_y[CONEMAP__NOTED];
     int x, y;                /* of its first texel, as the image at hand counts */
     int shift_x, shift_y;    /* that image's own shift */
 } conemap__tile;
 
-/* Where a tile's texels and groups lie: Morton order. */
-static const float conemap__lane_x[CONEMAP__TILE * CONEMAP__TILE] = {
-    0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3, 4, 5, 4, 5, 6, 7, 6, 7, 4, 5, 4, 5, 6, 7, 6, 7,
-    0, 1, 0, 1, 2, 3, 2, 3, 0, 1, 0, 1, 2, 3, 2, 3, 4, 5, 4, 5, 6, 7, 6, 7, 4, 5, 4, 5, 6, 7, 6, 7};
-static const float conemap__lane_y[CONEMAP__TILE * CONEMAP__TILE] = {
-    0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3, 0, 0, 1, 1, 0, 0, 1, 1, 2, 2, 3, 3, 2, 2, 3, 3,
-    4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7, 4, 4, 5, 5, 4, 4, 5, 5, 6, 6, 7, 7, 6, 6, 7, 7};
-static const int32_t conemap__lane_bit[CONEMAP__TILE * CONEMAP__TILE] = { /* of the lane's group */
-    1, 1, 1, 1, 2, 2, 2, 2, 4, 4, 4, 4, 8, 8, 8, 8, 16, 16, 16, 16, 32, 32, 32, 32, 64, 64, 64, 64,
-    128, 128, 128, 128, 256, 256, 256, 256, 512, 512, 512, 512, 1024, 1024, 1024, 1024, 2048, 2048,
-    2048, 2048, 4096, 4096, 4096, 4096, 8192, 8192, 8192, 8192, 16384, 16384, 16384, 16384, 32768,
-    32768, 32768, 32768};
-static const int32_t conemap__group_bit[16] = {1, 1 << 1, 1 << 2, 1 << 3, 1 << 4, 1 << 5, 1 << 6, 1 << 7,
-                                               1 << 8, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15};
-static const float conemap__group_x[16] = {0, 2, 0, 2, 4, 6, 4, 6, 0, 2, 0, 2, 4, 6, 4, 6};
-static const float conemap__group_y[16] = {0, 0, 2, 2, 0, 0, 2, 2, 4, 4, 6, 6, 4, 4, 6, 6};
+/* The lower corners of the 8 pieces of a patch, 4 along its longer side: twice, as all tables for lanes. */
+#define CONEMAP__EIGHTHS 8
+static const float conemap__piece_x[2 * CONEMAP__EIGHTHS] = {0, .25f, .5f, .75f, 0, .25f, .5f, .75f,
+                                                            0, .25f, .5f, .75f, 0, .25f, .5f, .75f};
+static const float conemap__piece_y[2 * CONEMAP__EIGHTHS] = {0, 0, 0, 0, .5f, .5f, .5f, .5f, 0, 0, 0, 0, .5f, .5f, .5f, .5f};
+
+/* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4 of the
+   proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V), row by row. */
+#define CONEMAP__SIGHTS 128 /* texels are at most 8:1: then there are 88, with 1024 numbers, up to 13 rows away */
+#define CONEMAP__SIGHT_REACH 16
+#define CONEMAP__FINEST 32 /* pieces along an axis */
+typedef struct conemap__sights {
+    int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS], columns[CONEMAP__SIGHTS], rows[CONEMAP__SIGHTS];
+    int first[CONEMAP__SIGHTS]; /* in `inverse` */
+    int step_x, step_y;      /* from a corner to the next; 0 along an axis of one texel */
+    float most[CONEMAP__SIGHTS]; /* the largest number of each, and a little more */
+    float fraction[CONEMAP__FINEST + 1], inverse[2048];
+} conemap__sights;
+
+/* Where the texels of a tile's row stand: twice, for there are vectors of two rows. */
+static const float conemap__places[2 * CONEMAP__TILE] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7};
+static const int32_t conemap__second_row[2 * CONEMAP__TILE] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
 
 /* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one after
    (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
@@ -2059,7 +2068,7 @@ typedef struct conemap__quick_columns {
     int32_t node[17][3][16], full[17][16];
 } conemap__quick_columns;
 
-/* A block that may hold something steeper for some of the tile's groups, a bit for each. */
+/* A block that may hold something steeper for some of the tile's groups, a bit for each. Only kernels with one lane ask. */
 typedef struct conemap__node {
     int k, x, y, groups;
 } conemap__node;
@@ -2067,6 +2076,35 @@ typedef struct conemap__node {
 /* Comparing products saves the division of a quotient: with three roundings less than this margin apart, a block is
    dropped only if its rounded quotient is no more than s. */
 #define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
+
+/* One lane asks groups of 2 x 2 texels first, by their lowest texel and least slope. */
+CONEMAP__INLINE void conemap__lower_bar(conemap__tile *tile, int group) {
+    const float *s = tile->slope2 + 2 * CONEMAP__TILE * (group >> 2) + 2 * (group & 3), *t = s + CONEMAP__TILE;
+    tile->bar[group] = conemap__min(conemap__min(s[0], s[1]), conemap__min(t[0], t[1])) * CONEMAP__MARGIN;
+}
+
+CONEMAP__INLINE void conemap__sum_up(conemap__tile *tile, int group) {
+    const float *s = tile->height + 2 * CONEMAP__TILE * (group >> 2) + 2 * (group & 3), *t = s + CONEMAP__TILE;
+    tile->lowest[group] = conemap__min(conemap__min(s[0], s[1]), conemap__min(t[0], t[1]));
+    conemap__lower_bar(tile, group);
+}
+
+/* Which of four blocks may texels of the group have to look into? Their squared distances from the tile's columns and rows:
+   those of the left and right ones, and of the upper and lower. */
+CONEMAP__INLINE int conemap__ask_group(const conemap__tile *tile, int group, const float *highest, const float *left,
+                                       const float *right, const float *upper, const float *lower) {
+    int c, i = 2 * (group & 3), j = 2 * (group >> 2), asked = 0;
+    float x2[2], y2[2];
+    x2[0] = conemap__min(left[i], left[i + 1]);
+    x2[1] = conemap__min(right[i], right[i + 1]);
+    y2[0] = conemap__min(upper[j], upper[j + 1]);
+    y2[1] = conemap__min(lower[j], lower[j + 1]);
+    for (c = 0; c < 4; ++c) {
+        float dh = highest[c] - tile->lowest[group];
+        if (dh > 0.0f && dh * dh > tile->bar[group] * (x2[c & 1] + y2[c >> 1])) asked |= 1 << c;
+    }
+    return asked;
+}
 
 /* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
    P R E P A R A T I O N. */
@@ -2283,6 +2321,15 @@ typedef struct conemap__kernels {
        columns[k] to the right in rows[k]. */
     void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n, int width,
                      int wraps, int first, int count, float *out);
+    /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells near it;
+       or, given what is known of the texels in this row, from each cell, by its lower corner, up to the vertices near it.
+       rows[k] is the k-th row from this one, null where there is none. */
+    void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps, const float *known,
+                       int first, int count, float *out);
+    /* Step 4 of the proof of safe cones: the eye at the origin sees a patch whose corner k stands at
+       (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above it. The larger of `best` and a bound of the squared slope.
+       `above` is a bound that the whole patch has already, so that its pieces are never worse. */
+    float (*patch)(const float *h, float x, float y, float size_x, float size_y, float above, float best);
     /* Maxima over n planes' rows, each shifted by so many columns; beyond a border it is repeated. */
     void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first, int count,
                          float *out);
@@ -2302,7 +2349,8 @@ typedef struct conemap__kernels {
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
-      conemap__near_row_##isa, conemap__steepest_row_##isa, conemap__quick_row_##isa, conemap__search_tile_##isa, \
+      conemap__near_row_##isa, conemap__sights_row_##isa, conemap__patch_##isa, conemap__steepest_row_##isa,   \
+      conemap__quick_row_##isa, conemap__search_tile_##isa,                                                         \
       conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
@@ -3165,14 +3213,15 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
 /* ---- the search for the steepest slopes, a tile of texels at a time --------------------------------------------
 
    What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at least
-   as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: a block of the pyramid
-   is tested against the 16 groups of 2 x 2 texels, each with its lowest texel and its least slope so far, then against the
-   texels of those groups that are left; a group for which the block is in vain is left out below it. Texels are tested
-   against texels only at the bottom. The search
-   begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from there, so
-   near texels, which decide most often, come first, and ends with the images of a wrapping map.
-   With slack, a group or texel drops a block that could raise its slope by no more than the factor, and folds the block's
-   bound into its result. That depends on the order, which is always this one, whatever the lanes: a job's tiles row by row. */
+   as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of the pyramid
+   are tested against every texel at once, whether or not it had a use for the block above, which costs less than asking. (One
+   lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search begins with what decided
+   the tile before (neighbours often agree), goes on in the tile's own block and up from there, so near texels, which decide
+   most often, come first, and ends with the images of a wrapping map.
+   With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound into
+   its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no steeper, so a
+   texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on the order, which is
+   always this one: a job's tiles row by row. */
 
 static conemap__search conemap__make_search(const conemap_map *map) {
     conemap__search search;
@@ -3187,17 +3236,27 @@ static conemap__search conemap__make_search(const conemap_map *map) {
 enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
 CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what);
 
+/* Cuts off what is not wanted at either end of a run of texels; 0 if nothing is left. */
+static int conemap__cut_run(const conemap_map *map, int sector, int *x, int y, int *count, int what) {
+    while (*count > 0 && !conemap__is_wanted(map, sector, *x + *count - 1, y, what)) --*count;
+    while (*count > 0 && !conemap__is_wanted(map, sector, *x, y, what)) {
+        ++*x;
+        --*count;
+    }
+    return *count > 0;
+}
+
 /* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
 static void conemap__search_tile(const conemap_map *map, conemap__search *search, int x0, int y0, float *slopes) {
     conemap__tile tile;
     int w = map->info.width, h = map->info.height, k, n, any = 0;
     unsigned char used[CONEMAP__NOTED];
     for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
-        int x = x0 + (int)conemap__lane_x[k], y = y0 + (int)conemap__lane_y[k];
+        int x = x0 + k % CONEMAP__TILE, y = y0 + k / CONEMAP__TILE;
         tile.height[k] = 2.0f;
         tile.slope2[k] = map->build.least_slope2;
         tile.decider[k] = 0;
-        tile.lane_folded[k] = 0.0f;
+        tile.folded[k] = 0.0f;
         if (x >= w || y >= h || !conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
         tile.height[k] = conemap__height(map, x, y);
         tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
@@ -3212,8 +3271,8 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
     search->seeds = 0;
     for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
         if (tile.height[k] > 1.0f) continue;
-        slopes[(size_t)(y0 + (int)conemap__lane_y[k]) * (size_t)w + (size_t)(x0 + (int)conemap__lane_x[k])] =
-            conemap__max(tile.slope2[k], conemap__max(tile.folded[k / 4], tile.lane_folded[k]));
+        slopes[(size_t)(y0 + k / CONEMAP__TILE) * (size_t)w + (size_t)(x0 + k % CONEMAP__TILE)] =
+            conemap__max(tile.slope2[k], tile.folded[k]);
         n = tile.decider[k];
         if (n == 0 || used[n]) continue;
         used[n] = 1;
@@ -3487,21 +3546,23 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
       dh_j <= S sqrt(D_j^2 - V) for all four, then for q = sum w_j Q_j, as the root is concave,
       h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for the variance of Q_j under
       the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V. With heights negated: the same for u seen from p in P.
-      A patch halved is two patches with midpoint corners and a smaller V; the larger of their bounds is a bound.
+      A patch cut up is several patches with a smaller V; the largest of their bounds is a bound.
    5. Every pair is seen. Let p in P, q in Q; by 1 it is a vertex u and a patch. Own cell: step 2, given to P's corners.
       Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for
       the corner with the largest bound: far from u (V <= tolerance D^2) the search takes the corner's bound as it is,
-      given to the 3x3 of u; nearer, it bounds that very patch by halving, given to the 3x3 of u, or to P's corners if it is P
-      that is seen from v. Where D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs looks at
-      every patch. What a search from u prunes is at most what the 3x3 of u has already.
+      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights_rows), given to the 3x3 of u,
+      or to P's corners if it is P that is seen from v. In a sector conemap__near_row cuts up the patch with the largest bound alone, and where
+      D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs looks at every patch. What a search from
+      u prunes is at most what the 3x3 of u has already.
       With a cone for each cell, what was given to texels is given to P itself, or to the cells at u: a part of the 3x3.
    6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty. Storing
       sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to less.
    7. Outside the outermost centres (CLAMP): projecting p and q onto the rectangle of centres keeps heights and t(p)
       and shortens |q - p|. The same projection lets an axis of one texel count as having length 0, and texels longer than
       8:1 count as 8:1 (shorter distances, so narrower cones; it keeps the near field small).
-   8. Rounding. Absolute: dh is off by 2^-25 and each of at most 12 halvings adds 2^-25, the shader's own height 2^-23:
-      together less than d. Relative: coordinates, squares and quotient are off by less than 2^-18 in D^2 and dh^2,
+   8. Rounding. Absolute: dh is off by 2^-25, cutting a patch into pieces adds less than 6 times that, at most 4 times over,
+      and the shader's own height 2^-23: together less than d. Relative: coordinates, squares and quotient are off by less
+      than 2^-18 in D^2 and dh^2,
       D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and the
       sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off.
 
@@ -3523,7 +3584,6 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
 
 #define CONEMAP__BAND 16      /* rows of a cone job */
 #define CONEMAP__LONGEST 8.0f /* texels longer than this count as so long */
-#define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
 
 /* A band of rows: a job. What a vertex sees goes to the plane, what is seen of a cell to cell_slopes; each job writes its own
    rows of both and conemap__collect brings them together. So jobs share nothing. */
@@ -3655,18 +3715,17 @@ static float conemap__corner_slope2(const conemap__band *band, int i, int j, int
 }
 
 /* Step 4: the eye at the origin sees a patch whose corner k stands at (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above
-   it. Returns the larger of `best` and a bound of the squared slope, halving until that is tight. `above` is a bound
-   that the whole patch has already, so that halves are never worse. */
-static float conemap__patch_slope2(const float *h, float x, float y, float size_x, float size_y, float above,
+   it. The larger of `best` and a bound of the squared slope, in pieces where that is not tight. */
+static float conemap__patch_slope2(const conemap_map *map, const float *h, float x, float y, float size_x, float size_y,
                                    float best) {
-    float v = 0.25f * (size_x * size_x + size_y * size_y), halves[2][4], top, d2;
+    float v = 0.25f * (size_x * size_x + size_y * size_y), above = CONEMAP__FAR, top = 0.0f, bound = 0.0f;
     float dx = conemap__max(conemap__max(x, -x - size_x), 0.0f), dy = conemap__max(conemap__max(y, -y - size_y), 0.0f);
-    int k, step = size_x >= size_y ? 1 : 2, other = 3 - step;
-    top = conemap__max(conemap__max(conemap__max(h[0], h[1]), conemap__max(h[2], h[3])), 0.0f);
-    d2 = dx * dx + dy * dy;
+    float d2 = dx * dx + dy * dy;
+    int k;
+    for (k = 0; k < 4; ++k) top = conemap__max(top, h[k]);
     if (top * top < above * d2) above = top * top / d2;
+    if (above <= best) return best;
     if (d2 >= 2.0f * v) {
-        float bound = 0.0f;
         for (k = 0; k < 4; ++k)
             if (h[k] > 0.0f) {
                 float cx = k & 1 ? x + size_x : x, cy = k & 2 ? y + size_y : y;
@@ -3675,22 +3734,7 @@ static float conemap__patch_slope2(const float *h, float x, float y, float size_
         above = conemap__min(above, bound);
         if (above <= best || v <= CONEMAP__TOLERANCE * d2) return conemap__max(above, best);
     }
-    if (above <= best) return best;
-    for (k = 0; k < 2; ++k) {
-        int low = k * other, high = low + step;
-        float middle = 0.5f * (h[low] + h[high]);
-        halves[0][low] = h[low];
-        halves[0][high] = halves[1][low] = middle;
-        halves[1][high] = h[high];
-    }
-    if (step == 1) {
-        size_x *= 0.5f;
-        best = conemap__patch_slope2(halves[0], x, y, size_x, size_y, above, best);
-        return conemap__patch_slope2(halves[1], x + size_x, y, size_x, size_y, above, best);
-    }
-    size_y *= 0.5f;
-    best = conemap__patch_slope2(halves[0], x, y, size_x, size_y, above, best);
-    return conemap__patch_slope2(halves[1], x, y + size_y, size_x, size_y, above, best);
+    return conemap__kernels_of(map->isa)->patch(h, x, y, size_x, size_y, above, best);
 }
 
 /* Cell (i, j) and vertex (k, l): the vertex looks up at the cell (sign 1), or the cell at the vertex (-1). */
@@ -3698,8 +3742,7 @@ static float conemap__cell_slope2(const conemap__band *band, int i, int j, int k
     float apex = conemap__vertex(band->map, k, l), h[4];
     int c;
     for (c = 0; c < 4; ++c) h[c] = sign * (conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex);
-    return conemap__patch_slope2(h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b,
-                                 CONEMAP__FAR, best);
+    return conemap__patch_slope2(band->map, h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b, best);
 }
 
 /* Step 4's bound for a corner that rises dh, or 0 where it means nothing (conemap__close_pairs sees to those). */
@@ -3806,6 +3849,66 @@ static void conemap__known(const conemap__band *band, int j, int x, int count, i
     }
     for (r = 0; r < 3; ++r) three[r] = known[conemap__mini(r, high - low)];
     kernels->narrowest_row(three, count + 2, 0, 1, count, out);
+}
+
+/* Step 5, near, in all directions: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight.
+   A corner of up to four pieces of the same V has one number for all. */
+static void conemap__find_sights(const conemap__band *band, float near2, conemap__sights *sights) {
+    const conemap_info *info = &band->map->info;
+    double a = (double)band->a, b = (double)band->b;
+    int reach_u = a > 0.0 ? (int)(sqrtf(near2) / band->a) + 1 : 0, reach_v = b > 0.0 ? (int)(sqrtf(near2) / band->b) + 1 : 0;
+    int x, y, i, j, used = 0;
+    memset(sights, 0, sizeof *sights);
+    sights->step_x = info->width > 1;
+    sights->step_y = info->height > 1;
+    for (i = 0; i <= CONEMAP__FINEST; ++i) sights->fraction[i] = (float)i / (float)CONEMAP__FINEST;
+    for (y = -reach_v - sights->step_y; y <= reach_v; ++y)
+        for (x = -reach_u - sights->step_x; x <= reach_u; ++x) {
+            double dx = a * (double)conemap__maxi(conemap__maxi(x, -x - sights->step_x), 0);
+            double dy = b * (double)conemap__maxi(conemap__maxi(y, -y - sights->step_y), 0), v = 0.25 * (a * a + b * b);
+            int columns = 1, rows = 1;
+            if (dx * dx + dy * dy == 0.0 || dx * dx + dy * dy >= (double)near2 * (1.0 + 1.0 / 16384.0)) continue;
+            while (v > (double)CONEMAP__TOLERANCE * (dx * dx + dy * dy)) {
+                if (a / columns >= b / rows)
+                    columns *= 2;
+                else
+                    rows *= 2;
+                v = 0.25 * (a * a / (columns * columns) + b * b / (rows * rows));
+            }
+            sights->x[sights->count] = x;
+            sights->y[sights->count] = y;
+            sights->columns[sights->count] = CONEMAP__FINEST / columns;
+            sights->rows[sights->count] = CONEMAP__FINEST / rows;
+            sights->first[sights->count] = used;
+            for (j = 0; j <= rows; ++j)
+                for (i = 0; i <= columns; ++i) {
+                    double px = a * ((double)x + (double)i / columns), py = b * ((double)y + (double)j / rows);
+                    float inverse = (float)(1.000001 / (double)sqrtf((float)(px * px + py * py - v)));
+                    sights->most[sights->count] = conemap__max(sights->most[sights->count], inverse * 1.00001f);
+                    sights->inverse[used++] = inverse;
+                }
+            ++sights->count;
+        }
+}
+
+/* The band's texels look up at cells, or its cells at vertices. */
+static void conemap__sights_rows(const conemap__band *band, const conemap__sights *sights, int of_cells) {
+    const conemap_map *map = band->map;
+    const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
+    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x;
+    int count = of_cells && !wraps ? conemap__maxi(w - 1, 1) : w;
+    for (j = band->y0; j < band->y1; ++j) {
+        float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w : plane;
+        if (of_cells && !conemap__cell_exists(map, 0, j)) continue;
+        for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
+            rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, j + k);
+        for (x = 0; x < count; x += CONEMAP__RUN) {
+            int first = x, run = conemap__mini(CONEMAP__RUN, count - x);
+            if (conemap__cut_run(map, 0, &first, j, &run, CONEMAP__SEARCH))
+                conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps, of_cells ? plane : NULL,
+                                                          first, run, out + first);
+        }
+    }
 }
 
 /* The neighbours whose pairs are near ones, of at most so many rows above and below. */
@@ -4612,7 +4715,7 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
 /* The margin of step 8. In a sector cones often touch along a whole edge of a cell, where the way out of the sector is
    steeper; a little more room there makes them much easier to prove. */
 CONEMAP__INLINE float conemap__safe_margin(const conemap_map *map) {
-    return map->info.texture.sectors > 1 ? 1.0f / 4096.0f : 1.0f / 65536.0f;
+    return map->info.texture.sectors > 1 ? 1.0f / 1024.0f : 1.0f / 65536.0f;
 }
 
 /* Own cells and own corners in a sector. */
@@ -4672,19 +4775,25 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
     conemap__search search = conemap__make_search(map);
     conemap__neighbours near_ones;
+    conemap__sights sights;
     conemap_result result;
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan whole */
     int y;
     search.deflate = band.deflate;
-    search.near2 = band.deflate / CONEMAP__TOLERANCE;
-    near_ones = conemap__near_ones(&band, search.near2);
-    if (band.sector.su != 0)
+    search.near2 = band.deflate / CONEMAP__TOLERANCE * (1.0f - 1.0f / 4096.0f);
+    if (band.sector.su != 0) {
+        near_ones = conemap__near_ones(&band, search.near2);
         conemap__sector_start(&band, least);
-    else
+        conemap__safe_close(&band, least);
+    } else {
+        conemap__find_sights(&band, search.near2, &sights);
         conemap__safe_start(&band, least);
-    conemap__safe_close(&band, least);
-    result = band.sector.su != 0 ? conemap__sector_rows(map, &search, band.sector.number, band.y0, band.y1, band.plane)
-                                 : conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
+        conemap__sights_rows(&band, &sights, 0);
+        result = conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
+        if (result == CONEMAP_OK) conemap__sights_rows(&band, &sights, 1);
+        return result;
+    }
+    result = conemap__sector_rows(map, &search, band.sector.number, band.y0, band.y1, band.plane);
     for (y = band.y0; result == CONEMAP_OK && y <= band.y1; ++y)
         if (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP)
             conemap__near_row(&band, &near_ones, y, y == band.y1);
@@ -4728,10 +4837,10 @@ static void conemap__safe_tangents(const conemap_map *map, int sector, int x, in
 static void conemap__store_run(conemap_map *map, int sector, int x, int y, int count) {
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     float tangents[CONEMAP__RUN], cones[CONEMAP__RUN];
-    size_t w = (size_t)map->info.width, at = (size_t)y * w + (size_t)x, first = (size_t)sector * conemap__texels(map);
-    int k = 0;
-    while (k < count && !conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE)) ++k;
-    if (k == count) return;
+    size_t w = (size_t)map->info.width, at, first = (size_t)sector * conemap__texels(map);
+    int k;
+    if (!conemap__cut_run(map, sector, &x, y, &count, CONEMAP__STORE)) return;
+    at = (size_t)y * w + (size_t)x;
     if (map->build.cell_slopes) {
         conemap__safe_tangents(map, sector, x, y, count, tangents);
     } else if (map->info.min3x3) { /* [BV24 eq. 2] */
@@ -13625,7 +13734,6 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #ifdef CONEMAP__LANES /* included by itself, once for each instruction set: see K E R N E L S */
 
 #define CONEMAP__FUNCTION CONEMAP__TARGET static
-#define CONEMAP__LANE_GROUPS (CONEMAP__LANES < 4 ? 1 : (1 << CONEMAP__LANES / 4) - 1) /* of a tile, in a vector */
 #ifdef _MSC_VER
 #define CONEMAP__HELPER static __forceinline
 #elif defined(__GNUC__) || defined(__clang__)
@@ -13974,6 +14082,124 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(near_row)(const float *row, const float *
     }
 }
 
+CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps,
+                                                   const float *known, int first, int count, float *out) {
+    const float missing = -1.0e30f;
+    int x, k, i, j, of_cells = known != NULL;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), sign = CONEMAP__F1(of_cells ? -1.0f : 1.0f);
+        if (of_cells) { /* what its corners have is all the same as a cell's own */
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x, width, wraps, 1, 0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x + sights->step_x, width, wraps, 1, 0.0f));
+        }
+        for (k = 0; k < sights->count; ++k) {
+            int left = first + x + (of_cells ? 0 : sights->x[k]);
+            int top = of_cells ? 0 : sights->y[k], eye = first + x - (of_cells ? sights->x[k] : 0);
+            const float *upper = rows[top], *lower = rows[top + sights->step_y], *eyes = rows[of_cells ? -sights->y[k] : 0];
+            const float *inverse = sights->inverse + sights->first[k];
+            CONEMAP__F apex, h00, h10, h01, h11, least, seen;
+            if (!upper || !lower || !eyes) continue;
+            apex = CONEMAP__KERNEL(beside)(eyes, eye, width, wraps, 0, missing);
+            h00 = CONEMAP__KERNEL(beside)(upper, left, width, wraps, 0, missing);
+            h10 = CONEMAP__KERNEL(beside)(upper, left + sights->step_x, width, wraps, 0, missing);
+            h01 = CONEMAP__KERNEL(beside)(lower, left, width, wraps, 0, missing);
+            h11 = CONEMAP__KERNEL(beside)(lower, left + sights->step_x, width, wraps, 0, missing);
+            least = CONEMAP__MIN(CONEMAP__MIN(h00, h10), CONEMAP__MIN(h01, h11));
+            h00 = CONEMAP__MUL(CONEMAP__SUB(h00, apex), sign);
+            h10 = CONEMAP__MUL(CONEMAP__SUB(h10, apex), sign);
+            h01 = CONEMAP__MUL(CONEMAP__SUB(h01, apex), sign);
+            h11 = CONEMAP__MUL(CONEMAP__SUB(h11, apex), sign);
+            seen = CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)); /* can it matter, with room for rounding? */
+            seen = CONEMAP__MAX(CONEMAP__ADD(seen, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
+            seen = CONEMAP__MUL(seen, CONEMAP__F1(sights->most[k]));
+            if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__LT(best, CONEMAP__MUL(seen, seen)), CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
+                continue;
+            seen = CONEMAP__F1(0.0f);
+            h10 = CONEMAP__SUB(h10, h00); /* the patch h00 + h10 x + h01 y + h11 x y */
+            h11 = CONEMAP__SUB(CONEMAP__SUB(h11, h01), h10);
+            h01 = CONEMAP__SUB(h01, h00);
+            for (j = 0; j <= CONEMAP__FINEST; j += sights->rows[k]) {
+                CONEMAP__F f = CONEMAP__F1(sights->fraction[j]);
+                CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)), across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
+                for (i = 0; i <= CONEMAP__FINEST; i += sights->columns[k]) {
+                    f = CONEMAP__F1(sights->fraction[i]);
+                    f = CONEMAP__MUL(CONEMAP__ADD(rise, CONEMAP__MUL(across, f)), CONEMAP__F1(*inverse++));
+                    seen = CONEMAP__MAX(seen, f);
+                }
+            }
+            seen = CONEMAP__PICK(CONEMAP__LT(CONEMAP__F1(0.5f * missing), least), seen, CONEMAP__F1(0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__MUL(seen, seen));
+        }
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
+    }
+}
+
+/* The square of the slope to a corner that rises `rise`, by step 4's bound. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(corner)(CONEMAP__F rise, CONEMAP__F x, CONEMAP__F y, float v) {
+    CONEMAP__F d2 = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__MUL(x, x), CONEMAP__MUL(y, y)), CONEMAP__F1(v));
+    rise = CONEMAP__MAX(rise, CONEMAP__F1(0.0f));
+    return CONEMAP__DIV(CONEMAP__MUL(rise, rise), CONEMAP__MAX(d2, CONEMAP__F1(CONEMAP__TINY)));
+}
+
+/* Bounds for 8 pieces side by side, lengthwise; those whose bound is not tight yet and could matter go on in pieces of their
+   own. */
+CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y, float size_x, float size_y, float above,
+                                               float best) {
+    float corners[4][2 * CONEMAP__EIGHTHS], bounds[2 * CONEMAP__EIGHTHS], turned[4], wide = size_x * 0.25f, deep = size_y * 0.5f, v;
+    int i, k, c, loose = 0, open = 0;
+    if (size_x < size_y) { /* the other way about */
+        turned[0] = h[0];
+        turned[1] = h[2];
+        turned[2] = h[1];
+        turned[3] = h[3];
+        return CONEMAP__KERNEL(patch)(turned, y, x, size_y, size_x, above, best);
+    }
+    v = 0.25f * (wide * wide + deep * deep);
+    for (i = 0; i < CONEMAP__EIGHTHS; i += CONEMAP__LANES) {
+        CONEMAP__F zero = CONEMAP__F1(0.0f), fx = CONEMAP__LOADF(conemap__piece_x + i), fy = CONEMAP__LOADF(conemap__piece_y + i);
+        CONEMAP__F x0 = CONEMAP__ADD(CONEMAP__F1(x), CONEMAP__MUL(fx, CONEMAP__F1(size_x)));
+        CONEMAP__F y0 = CONEMAP__ADD(CONEMAP__F1(y), CONEMAP__MUL(fy, CONEMAP__F1(size_y)));
+        CONEMAP__F x1 = CONEMAP__ADD(x0, CONEMAP__F1(wide)), y1 = CONEMAP__ADD(y0, CONEMAP__F1(deep));
+        CONEMAP__F gx = CONEMAP__ADD(fx, CONEMAP__F1(0.25f)), gy = CONEMAP__ADD(fy, CONEMAP__F1(0.5f));
+        CONEMAP__F low = CONEMAP__F1(h[1] - h[0]), high = CONEMAP__F1(h[3] - h[2]);
+        CONEMAP__F h00, h10, left, right, top, dx, dy, d2, bound;
+        h00 = CONEMAP__ADD(CONEMAP__F1(h[0]), CONEMAP__MUL(low, fx));
+        h10 = CONEMAP__ADD(CONEMAP__F1(h[0]), CONEMAP__MUL(low, gx));
+        left = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__F1(h[2]), CONEMAP__MUL(high, fx)), h00);
+        right = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__F1(h[2]), CONEMAP__MUL(high, gx)), h10);
+        CONEMAP__STOREF(corners[0] + i, CONEMAP__ADD(h00, CONEMAP__MUL(left, fy)));
+        CONEMAP__STOREF(corners[1] + i, CONEMAP__ADD(h10, CONEMAP__MUL(right, fy)));
+        CONEMAP__STOREF(corners[2] + i, CONEMAP__ADD(h00, CONEMAP__MUL(left, gy)));
+        CONEMAP__STOREF(corners[3] + i, CONEMAP__ADD(h10, CONEMAP__MUL(right, gy)));
+        bound = CONEMAP__MAX(CONEMAP__MAX(CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[0] + i), x0, y0, v),
+                                          CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[1] + i), x1, y0, v)),
+                             CONEMAP__MAX(CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[2] + i), x0, y1, v),
+                                          CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[3] + i), x1, y1, v)));
+        dx = CONEMAP__MAX(CONEMAP__MAX(x0, CONEMAP__SUB(zero, x1)), zero);
+        dy = CONEMAP__MAX(CONEMAP__MAX(y0, CONEMAP__SUB(zero, y1)), zero);
+        d2 = CONEMAP__ADD(CONEMAP__MUL(dx, dx), CONEMAP__MUL(dy, dy));
+        bound = CONEMAP__PICK(CONEMAP__LT(d2, CONEMAP__F1(2.0f * v)), CONEMAP__F1(CONEMAP__FAR), bound);
+        top = CONEMAP__MAX(CONEMAP__MAX(CONEMAP__LOADF(corners[0] + i), CONEMAP__LOADF(corners[1] + i)),
+                           CONEMAP__MAX(CONEMAP__LOADF(corners[2] + i), CONEMAP__LOADF(corners[3] + i)));
+        top = CONEMAP__MAX(top, zero);
+        bound = CONEMAP__MIN(bound, CONEMAP__DIV(CONEMAP__MUL(top, top), CONEMAP__MAX(d2, CONEMAP__F1(CONEMAP__TINY))));
+        bound = CONEMAP__MIN(bound, CONEMAP__F1(above));
+        CONEMAP__STOREF(bounds + i, bound);
+        open |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(best), bound)) << i;
+        loose |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(d2, CONEMAP__F1(CONEMAP__TOLERANCE)), CONEMAP__F1(v))) << i;
+    }
+    open &= deep > 0.0f ? (1 << CONEMAP__EIGHTHS) - 1 : (1 << CONEMAP__EIGHTHS / 2) - 1; /* else the others are the same */
+    for (k = 0; open >> k; ++k)
+        if ((open & ~loose) >> k & 1) best = conemap__max(best, bounds[k]);
+    for (k = 0, open &= loose; open >> k; ++k) {
+        if (!(open >> k & 1) || !(bounds[k] > best)) continue;
+        for (c = 0; c < 4; ++c) turned[c] = corners[c][k];
+        best = CONEMAP__KERNEL(patch)(turned, x + conemap__piece_x[k] * size_x, y + conemap__piece_y[k] * size_y, wide, deep,
+                                      bounds[k], best);
+    }
+    return best;
+}
+
 CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, const int *columns, int n, int width,
                                                      int wraps, int first, int count, float *out) {
     int x, k;
@@ -14017,66 +14243,114 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
 
 /* ---- the search of a tile: see G E N E R A T I O N ----------------------------------------------------------------- */
 
-/* A group's lowest texel and least slope, for the groups of a block. */
-CONEMAP__HELPER void CONEMAP__KERNEL(sum_up)(conemap__tile *tile, int first) {
-    int g;
-    for (g = first; g < first + 4; ++g) {
-        const float *s = tile->slope2 + 4 * g;
-        tile->bar[g] = conemap__min(conemap__min(s[0], s[1]), conemap__min(s[2], s[3])) * CONEMAP__MARGIN;
+/* Squares of the distances from the tile's columns, or rows, to the places from first to last; `less` is taken off. */
+CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texel, float less, float *out) {
+    int i;
+    for (i = 0; i < CONEMAP__TILE; i += CONEMAP__LANES) {
+        CONEMAP__F place = CONEMAP__LOADF(conemap__places + i), d;
+        d = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1((float)first), place), CONEMAP__SUB(place, CONEMAP__F1((float)last)));
+        d = CONEMAP__MUL(CONEMAP__MAX(d, CONEMAP__F1(0.0f)), CONEMAP__F1(texel));
+        CONEMAP__STOREF(out + i, CONEMAP__SUB(CONEMAP__MUL(d, d), CONEMAP__F1(less)));
     }
 }
 
-/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the blocks of some groups. Places
-   count from the tile's corner. `plain`: vertex cones. */
+/* A tile is gone through in parts: rows, or with one lane groups of 2 x 2 texels, of which those are left out for which a
+   block was in vain above. */
+#define CONEMAP__PART_WIDTH (CONEMAP__LANES == 1 ? 2 : CONEMAP__TILE)
+#define CONEMAP__PART_HEIGHT (CONEMAP__LANES == 1 || CONEMAP__LANES > CONEMAP__TILE ? 2 : 1)
+#define CONEMAP__LANE_WIDTH (CONEMAP__LANES < CONEMAP__TILE ? CONEMAP__LANES : CONEMAP__TILE)
+#define CONEMAP__LANE_HEIGHT (CONEMAP__LANES > CONEMAP__TILE ? 2 : 1)
+
+/* The number of the row, or of the two rows, in which a vector of texels lies. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
+    if (CONEMAP__LANES <= CONEMAP__TILE) return CONEMAP__F1(row[0]);
+    return CONEMAP__PICK(CONEMAP__IGT(CONEMAP__LOADI(conemap__second_row), CONEMAP__I1(0)), CONEMAP__F1(row[1]),
+                         CONEMAP__F1(row[0]));
+}
+
+/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks only
+   where it is `asked` to. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2,
+                                                  CONEMAP__F y2, int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
+    CONEMAP__F dh;
+    if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
+    dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
+    *dh2 = CONEMAP__MUL(dh, dh);
+    *d2 = CONEMAP__ADD(x2, y2);
+    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(0.0f)); /* V may have been more */
+    return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
+}
+
+/* Of those the ones that do. */
+CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2,
+                                           int number, int plain, CONEMAP__F *least, CONEMAP__F *s, CONEMAP__I *decider) {
+    CONEMAP__F slope2;
+    if (!plain) beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
+    if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
+    slope2 = CONEMAP__DIV(dh2, d2);
+    beats = CONEMAP__AND(beats, CONEMAP__LT(*least, slope2));
+    *least = CONEMAP__PICK(beats, slope2, *least);
+    *s = CONEMAP__PICK(beats, slope2, *s);
+    *decider = CONEMAP__PICKI(beats, CONEMAP__I1(number), *decider);
+}
+
+/* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
+CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, conemap__tile *tile, int i, CONEMAP__F left,
+                                               CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom, const float *heights,
+                                               int texels, int number, int plain) {
+    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), least = CONEMAP__LOADF(tile->slope2 + i), s = least, bar;
+    CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
+    CONEMAP__M beats[4];
+    CONEMAP__I decider;
+    dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
+    if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
+    bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
+    beats[0] = CONEMAP__KERNEL(beats)(1, heights[0], apex, bar, left, top, 1, &dh2[0], &d2[0]);
+    if (texels == 1) {
+        if (!CONEMAP__ANY(beats[0])) return 0;
+    } else {
+        beats[1] = CONEMAP__KERNEL(beats)(1, heights[1], apex, bar, right, top, 1, &dh2[1], &d2[1]);
+        beats[2] = CONEMAP__KERNEL(beats)(1, heights[2], apex, bar, left, bottom, 1, &dh2[2], &d2[2]);
+        beats[3] = CONEMAP__KERNEL(beats)(1, heights[3], apex, bar, right, bottom, 1, &dh2[3], &d2[3]);
+        if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
+    }
+    decider = CONEMAP__LOADI(tile->decider + i);
+    CONEMAP__KERNEL(take)(search, beats[0], dh2[0], d2[0], number, plain, &least, &s, &decider);
+    if (texels > 1) {
+        CONEMAP__KERNEL(take)(search, beats[1], dh2[1], d2[1], number + 1, plain, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(search, beats[2], dh2[2], d2[2], number + 2, plain, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(search, beats[3], dh2[3], d2[3], number + 3, plain, &least, &s, &decider);
+    }
+    CONEMAP__STOREF(tile->slope2 + i, s);
+    CONEMAP__STOREI(tile->decider + i, decider);
+    return 1;
+}
+
+/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from the
+   tile's corner. `plain`: vertex cones without slack. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x, int y,
                                               const float *heights, int texels, int plain) {
-    int block, i, c, noted, any = 0;
+    float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
+    int c, u, v, i, j, noted, any = 0;
     if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
     noted = tile->noted;
-    for (block = 0; block < 4; ++block) {
-        int won = 0;
-        if (!(groups >> (4 * block) & 15)) continue;
-        for (i = 16 * block; i < 16 * block + 16; i += CONEMAP__LANES) {
-            CONEMAP__F lane_x = CONEMAP__LOADF(conemap__lane_x + i), lane_y = CONEMAP__LOADF(conemap__lane_y + i);
-            CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i);
-            CONEMAP__F bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
-            CONEMAP__F dx[2], dy[2];
-            CONEMAP__M asked;
-            if (!(groups >> i / 4 & CONEMAP__LANE_GROUPS)) continue;
-            asked = CONEMAP__IGT(CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__lane_bit + i)), CONEMAP__I1(0));
-            for (c = 0; c < (texels > 1 ? 2 : 1); ++c) {
-                dx[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(x + c)), lane_x), CONEMAP__F1(search->a));
-                dy[c] = CONEMAP__MUL(CONEMAP__SUB(CONEMAP__F1((float)(y + c)), lane_y), CONEMAP__F1(search->b));
-                dx[c] = CONEMAP__MUL(dx[c], dx[c]);
-                dy[c] = CONEMAP__MUL(dy[c], dy[c]);
-            }
-            for (c = 0; c < texels; ++c) {
-                CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(heights[c]), apex), CONEMAP__F1(0.0f));
-                CONEMAP__F dh2 = CONEMAP__MUL(dh, dh), d2 = CONEMAP__ADD(dx[c & 1], dy[c >> 1]);
-                CONEMAP__M beats;
-                if (plain) {
-                    beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
-                } else {
-                    CONEMAP__M is_far = CONEMAP__LE(CONEMAP__F1(search->near2), d2);
-                    d2 = CONEMAP__SUB(d2, CONEMAP__F1(search->deflate));
-                    beats = CONEMAP__AND(is_far, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
-                    beats = CONEMAP__AND(beats, asked); /* with slack it matters which lanes look */
-                }
-                if (CONEMAP__ANY(beats)) {
-                    CONEMAP__F slope2 = CONEMAP__DIV(dh2, d2);
-                    CONEMAP__I decider = CONEMAP__LOADI(tile->decider + i);
-                    beats = CONEMAP__AND(beats, CONEMAP__LT(s, slope2));
-                    s = CONEMAP__PICK(beats, slope2, s);
-                    bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
-                    CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(noted + c), decider));
-                    CONEMAP__STOREF(tile->slope2 + i, s);
-                    won = 1;
-                }
-            }
-        }
-        if (won) CONEMAP__KERNEL(sum_up)(tile, 4 * block);
-        any |= won;
+    for (c = 0; c < 2; ++c) {
+        CONEMAP__KERNEL(distances2)(x + c, x + c, search->a, 0.0f, x2[c]);
+        CONEMAP__KERNEL(distances2)(y + c, y + c, search->b, search->deflate, y2[c]);
     }
+    for (v = 0; v < CONEMAP__TILE; v += CONEMAP__PART_HEIGHT)
+        for (u = 0; u < CONEMAP__TILE; u += CONEMAP__PART_WIDTH) {
+            int won = 0;
+            if (CONEMAP__LANES == 1 && !(groups >> (2 * v + u / 2) & 1)) continue;
+            for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
+                CONEMAP__F top = CONEMAP__KERNEL(of_row)(y2[0] + j), bottom = CONEMAP__KERNEL(of_row)(y2[1] + j);
+                for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
+                    won |= CONEMAP__KERNEL(look_from)(search, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
+                                                      CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted, plain);
+            }
+            if (CONEMAP__LANES == 1 && won) conemap__lower_bar(tile, 2 * v + u / 2);
+            any |= won;
+        }
     if (!any) return;
     for (c = 0; c < texels; ++c) {
         tile->noted_x[noted + c] = x + (c & 1) + tile->x + tile->shift_x;
@@ -14085,109 +14359,99 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
     tile->noted += texels;
 }
 
-/* The groups of `groups` of which some texel must look into a block: its highest texel, its columns x0 to x1, rows y0 to y1. */
-CONEMAP__HELPER int CONEMAP__KERNEL(look_into)(const conemap__search *search, conemap__tile *tile, int groups,
-                                               float highest, float x0, float x1, float y0, float y1, int plain) {
-    int i, k, alive = 0;
-    for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
-        CONEMAP__F x = CONEMAP__LOADF(conemap__lane_x + i), y = CONEMAP__LOADF(conemap__lane_y + i), dx, dy, dh2, d2, bar;
-        CONEMAP__M beats;
-        int bits;
-        if (!(groups >> i / 4 & CONEMAP__LANE_GROUPS) || (plain && CONEMAP__LANES == 1 && (alive >> i / 4 & 1))) continue;
-        dx = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(x0), x), CONEMAP__SUB(x, CONEMAP__F1(x1)));
-        dy = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(y0), y), CONEMAP__SUB(y, CONEMAP__F1(y1)));
-        dx = CONEMAP__MUL(CONEMAP__MAX(dx, CONEMAP__F1(0.0f)), CONEMAP__F1(search->a));
-        dy = CONEMAP__MUL(CONEMAP__MAX(dy, CONEMAP__F1(0.0f)), CONEMAP__F1(search->b));
-        d2 = CONEMAP__ADD(CONEMAP__MUL(dx, dx), CONEMAP__MUL(dy, dy));
-        dh2 = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), CONEMAP__LOADF(tile->height + i)), CONEMAP__F1(0.0f));
-        dh2 = CONEMAP__MUL(dh2, dh2);
-        bar = CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + i), CONEMAP__F1(CONEMAP__MARGIN));
-        if (plain) {
-            beats = CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2);
-        } else {
-            CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2)), wide;
-            d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
-            bar = CONEMAP__MUL(bar, d2);
-            beats = CONEMAP__LT(bar, dh2);
-            if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
-                CONEMAP__F folded = CONEMAP__LOADF(tile->lane_folded + i);
-                wide = CONEMAP__LT(CONEMAP__MUL(bar, CONEMAP__F1(search->widen2)), dh2);
-                wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, wide));
-                folded = CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
-                CONEMAP__STOREF(tile->lane_folded + i, folded);
-                beats = wide;
-            }
-        }
-        bits = CONEMAP__BITS(beats);
-        for (k = 0; k < CONEMAP__LANES; k += 4) alive |= (bits >> k & 15 ? 1 : 0) << (i + k) / 4;
-    }
-    return alive & groups;
+/* With slack, of the texels for which a block beats the bar those for which it does so by the factor; *folded: the others. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F bar,
+                                                         CONEMAP__F dh2, CONEMAP__F d2, CONEMAP__F *folded) {
+    CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2 - search->deflate)), wide;
+    if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return beats;
+    wide = CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
+    *folded = CONEMAP__MAX(*folded, CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__DIV(dh2, d2), CONEMAP__F1(0.0f)));
+    return CONEMAP__AND(beats, wide);
 }
 
-/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some of `groups` must look into; the
-   one nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
+/* Texels from i on: adds those that must look into each of four blocks to `some`. */
+CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, int i, int asked,
+                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
+                                               const float *highest, CONEMAP__M *some, int plain) {
+    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar = s;
+    CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
+    CONEMAP__M beats[4];
+    dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
+    if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
+    bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
+    beats[0] = CONEMAP__KERNEL(beats)(asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
+    beats[1] = CONEMAP__KERNEL(beats)(asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
+    beats[2] = CONEMAP__KERNEL(beats)(asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
+    beats[3] = CONEMAP__KERNEL(beats)(asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
+    if (!plain && search->widen2 > 1.0f &&
+        CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
+        CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);
+        bar = CONEMAP__MUL(CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)), CONEMAP__F1(search->widen2));
+        beats[0] = CONEMAP__KERNEL(beats_by_far)(search, beats[0], bar, dh2[0], d2[0], &folded);
+        beats[1] = CONEMAP__KERNEL(beats_by_far)(search, beats[1], bar, dh2[1], d2[1], &folded);
+        beats[2] = CONEMAP__KERNEL(beats_by_far)(search, beats[2], bar, dh2[2], d2[2], &folded);
+        beats[3] = CONEMAP__KERNEL(beats_by_far)(search, beats[3], bar, dh2[3], d2[3], &folded);
+        CONEMAP__STOREF(tile->folded + i, folded);
+    }
+    some[0] = CONEMAP__OR(some[0], beats[0]);
+    some[1] = CONEMAP__OR(some[1], beats[1]);
+    some[2] = CONEMAP__OR(some[2], beats[2]);
+    some[3] = CONEMAP__OR(some[3], beats[3]);
+}
+
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one nearest
+   to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
 CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile, int k,
                                           int x, int y, int groups, int skip, conemap__node *out, int plain) {
     const conemap_pyramid *pyramid = &map->build.texels;
-    int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, g, c, count = 0;
+    int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, c, u, v, i, j, count = 0;
     int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
     int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k], alive[4];
     const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
-    float maxima[4];
-    maxima[0] = row[0];
-    maxima[1] = right_too ? row[1] : -1.0f;
-    maxima[2] = below_too ? row[pyramid->width[k]] : -1.0f;
-    maxima[3] = right_too && below_too ? row[pyramid->width[k] + 1] : -1.0f;
+    float highest[4], x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
+    CONEMAP__M some[4], none = CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
+    highest[0] = row[0];
+    highest[1] = right_too ? row[1] : -1.0f;
+    highest[2] = below_too ? row[pyramid->width[k]] : -1.0f;
+    highest[3] = right_too && below_too ? row[pyramid->width[k] + 1] : -1.0f;
+    if (skip >= 0) highest[skip] = -1.0f;
+    for (c = 0; c < 2; ++c) {
+        CONEMAP__KERNEL(distances2)(left + c * size, left + c * size + size - 1, search->a, 0.0f, x2[c]);
+        CONEMAP__KERNEL(distances2)(top + c * size, top + c * size + size - 1, search->b, search->deflate, y2[c]);
+    }
     alive[0] = alive[1] = alive[2] = alive[3] = 0;
-    for (g = 0; g < 16; g += CONEMAP__LANES) {
-        CONEMAP__F x0 = CONEMAP__LOADF(conemap__group_x + g), y0 = CONEMAP__LOADF(conemap__group_y + g);
-        CONEMAP__F x1 = CONEMAP__ADD(x0, CONEMAP__F1(1.0f)), y1 = CONEMAP__ADD(y0, CONEMAP__F1(1.0f));
-        CONEMAP__F lowest = CONEMAP__LOADF(tile->lowest + g), bar = CONEMAP__LOADF(tile->bar + g), dx[2], dy[2];
-        if (!(groups >> g & ((1 << CONEMAP__LANES) - 1))) continue;
-        for (c = 0; c < 2; ++c) {
-            float first_x = (float)(left + c * size), first_y = (float)(top + c * size), extent = (float)(size - 1);
-            dx[c] = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(first_x), x1), CONEMAP__SUB(x0, CONEMAP__F1(first_x + extent)));
-            dy[c] = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(first_y), y1), CONEMAP__SUB(y0, CONEMAP__F1(first_y + extent)));
-            dx[c] = CONEMAP__MUL(CONEMAP__MAX(dx[c], CONEMAP__F1(0.0f)), CONEMAP__F1(search->a));
-            dy[c] = CONEMAP__MUL(CONEMAP__MAX(dy[c], CONEMAP__F1(0.0f)), CONEMAP__F1(search->b));
-            dx[c] = CONEMAP__MUL(dx[c], dx[c]);
-            dy[c] = CONEMAP__MUL(dy[c], dy[c]);
-        }
-        for (c = 0; c < 4; ++c) {
-            CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(maxima[c]), lowest), CONEMAP__F1(0.0f));
-            CONEMAP__F dh2 = CONEMAP__MUL(dh, dh), d2 = CONEMAP__ADD(dx[c & 1], dy[c >> 1]), product;
-            if (plain) {
-                alive[c] |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2)) << g;
-            } else {
-                CONEMAP__I asked = CONEMAP__IAND(CONEMAP__I1(groups), CONEMAP__LOADI(conemap__group_bit + g));
-                CONEMAP__M beats, is_near, wide, dropped;
-                is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2));
-                d2 = CONEMAP__MAX(CONEMAP__SUB(d2, CONEMAP__F1(search->deflate)), CONEMAP__F1(0.0f));
-                product = CONEMAP__MUL(bar, d2);
-                beats = CONEMAP__LT(product, dh2);
-                if (search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
-                    CONEMAP__F folded = CONEMAP__LOADF(tile->folded + g);
-                    wide = CONEMAP__AND(beats, CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(product,
-                                                                             CONEMAP__F1(search->widen2)), dh2)));
-                    dropped = CONEMAP__ANDNOT(CONEMAP__ANDNOT(beats, wide), CONEMAP__IEQ(asked, CONEMAP__I1(0)));
-                    folded = CONEMAP__PICK(dropped, CONEMAP__MAX(folded, CONEMAP__DIV(dh2, d2)), folded);
-                    CONEMAP__STOREF(tile->folded + g, folded);
-                    beats = wide;
-                }
-                alive[c] |= CONEMAP__BITS(beats) << g;
+    some[0] = some[1] = some[2] = some[3] = none;
+    for (v = 0; v < CONEMAP__TILE; v += CONEMAP__PART_HEIGHT)
+        for (u = 0; u < CONEMAP__TILE; u += CONEMAP__PART_WIDTH) {
+            int asked = 15, group = 2 * v + u / 2;
+            if (CONEMAP__LANES == 1) {
+                if (!(groups >> group & 1)) continue;
+                asked = conemap__ask_group(tile, group, highest, x2[0], x2[1], y2[0], y2[1]);
+                if (!asked) continue;
+                some[0] = some[1] = some[2] = some[3] = none;
             }
+            for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
+                CONEMAP__F first = CONEMAP__KERNEL(of_row)(y2[0] + j), second = CONEMAP__KERNEL(of_row)(y2[1] + j);
+                for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
+                    CONEMAP__KERNEL(ask_from)(search, tile, CONEMAP__TILE * j + i, asked, CONEMAP__LOADF(x2[0] + i),
+                                              CONEMAP__LOADF(x2[1] + i), first, second, highest, some, plain);
+            }
+            if (CONEMAP__LANES == 1)
+                for (c = 0; c < 4; ++c) alive[c] |= CONEMAP__BITS(some[c]) << group;
         }
+    if (CONEMAP__LANES > 1) {
+        alive[0] = CONEMAP__ANY(some[0]);
+        alive[1] = CONEMAP__ANY(some[1]);
+        alive[2] = CONEMAP__ANY(some[2]);
+        alive[3] = CONEMAP__ANY(some[3]);
     }
     for (c = 3; c >= 0; --c) {
-        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y, child = 2 * down + across;
-        float first_x = (float)(left + across * size), first_y = (float)(top + down * size), extent = (float)(size - 1);
-        if (!(alive[child] & groups) || child == skip) continue;
+        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y;
         out[count].k = k;
         out[count].x = 2 * x + across;
         out[count].y = 2 * y + down;
-        out[count].groups = CONEMAP__KERNEL(look_into)(search, tile, alive[child] & groups, maxima[child], first_x,
-                                                       first_x + extent, first_y, first_y + extent, plain);
-        count += out[count].groups != 0;
+        out[count].groups = alive[2 * down + across];
+        count += alive[2 * down + across] != 0;
     }
     return count;
 }
@@ -14220,12 +14484,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
     const conemap_info *info = &map->info;
     int levels = map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b, all = 0xffff;
     int wrap_u = info->wrap_u == CONEMAP_WRAP, wrap_v = info->wrap_v == CONEMAP_WRAP;
-    for (k = 0; k < 16; ++k) {
-        const float *h = tile->height + 4 * k;
-        tile->lowest[k] = conemap__min(conemap__min(h[0], h[1]), conemap__min(h[2], h[3]));
-        tile->folded[k] = 0.0f;
-    }
-    for (k = 0; k < 16; k += 4) CONEMAP__KERNEL(sum_up)(tile, k);
+    for (k = 0; CONEMAP__LANES == 1 && k < 16; ++k) conemap__sum_up(tile, k);
     tile->shift_x = tile->shift_y = 0;
     for (k = 0; k < search->seeds; ++k) {
         int x = search->seed_x[k], y = search->seed_y[k];
@@ -14777,7 +15036,6 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
 
 /* For the next instruction set. */
 #undef CONEMAP__FUNCTION
-#undef CONEMAP__LANE_GROUPS
 #undef CONEMAP__HELPER
 #undef CONEMAP__ADD
 #undef CONEMAP__AND
@@ -14802,6 +15060,10 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
 #undef CONEMAP__ISHR
 #undef CONEMAP__ISUB
 #undef CONEMAP__KERNEL
+#undef CONEMAP__PART_WIDTH
+#undef CONEMAP__PART_HEIGHT
+#undef CONEMAP__LANE_WIDTH
+#undef CONEMAP__LANE_HEIGHT
 #undef CONEMAP__LANES
 #undef CONEMAP__LE
 #undef CONEMAP__LOADF
