@@ -60,6 +60,7 @@ test: build/tests
 # The golden files are what the emitter writes; those in C are compiled into the tests and run there.
 sync: build/tests
 	@CONEMAP_SYNC=1 ./build/tests emit/golden
+	@CONEMAP_SYNC=1 ./build/tests shading/golden
 	@$(MAKE) -s build/tests
 
 demo: build/bake build/render build/inspect | out

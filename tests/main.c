@@ -97,6 +97,7 @@ int main(int argument_count, char **arguments)
         {"emit", emit_tests},
         {"frusta", frusta_tests},
         {"effects", effects_tests},
+        {"shading", shading_tests},
         {"plan", plan_tests},
         {"packets", packets_tests},
 #endif
