@@ -9324,10 +9324,10 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "        float gap = c.z - ground.x, dt = conemap_first_root(gap, c.rise - ground.y, $BEND_LESSground.z);\n"
      "?holes         bool hole = conemap_over_hole(c$FLAT), inside = gap <= 0.0f && c.hole;\n"
      "?holes         if (hole) dt = $ROOT(c.z, c.rise$PLUS_BEND); // the floor ends it\n"
-     "?holes         c.hole = hole;\n"
      "        bool met = dt <= min(leave, left);\n"
      "        c.found = met$NO_HOLE;\n"
      "        if (!met) dt = max(leave, conemap_free_way(c, gap, ground.w));\n"
+     "?holes         c.hole = hole && dt <= leave; // a jump ends over the surface\n"
      "        done = met || dt >= left;\n"
      "        if (c.found || !done) c = conemap_fly_on(c, dt);\n"
      "?holes         if (c.found && !inside) c.wall = 0;\n"
@@ -12258,6 +12258,7 @@ static conemap_status conemap__fly(conemap__course *f, int max_steps, int *steps
         }
         if (max_steps && *steps >= max_steps) return CONEMAP_STEP_CAP;
         next = f->t + conemap__free_way(f, gap, tangent);
+        if (next > end) was_hole = 0; /* what it flies down to from above is no wall, whatever rounding says */
         if (next >= f->t_end) {
             double z = conemap__flight_z(f, f->t_end);
             f->t = f->t_end;

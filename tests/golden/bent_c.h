@@ -347,10 +347,10 @@ static bent_course bent_fly(bent_course c, int max_steps, bent_ivec2 size, int l
         float gap = c.z - ground.x, dt = bent_first_root(gap, c.rise - ground.y, c.bend - ground.z);
         bool hole = bent_over_hole(c, size), inside = gap <= 0.0f && c.hole;
         if (hole) dt = bent_first_root(c.z, c.rise, c.bend); // the floor ends it
-        c.hole = hole;
         bool met = dt <= fminf(leave, left);
         c.found = met && !hole;
         if (!met) dt = fmaxf(leave, bent_free_way(c, gap, ground.w));
+        c.hole = hole && dt <= leave; // a jump ends over the surface
         done = met || dt >= left;
         if (c.found || !done) c = bent_fly_on(c, dt);
         if (c.found && !inside) c.wall = 0;

@@ -276,10 +276,10 @@ static sieve_course sieve_fly(sieve_course c, int max_steps, sieve_ivec2 size) {
         float gap = c.z - ground.x, dt = sieve_first_root(gap, c.rise - ground.y, -ground.z);
         bool hole = sieve_over_hole(c, size), inside = gap <= 0.0f && c.hole;
         if (hole) dt = sieve_fall(c.z, c.rise); // the floor ends it
-        c.hole = hole;
         bool met = dt <= fminf(leave, left);
         c.found = met && !hole;
         if (!met) dt = fmaxf(leave, sieve_free_way(c, gap, ground.w));
+        c.hole = hole && dt <= leave; // a jump ends over the surface
         done = met || dt >= left;
         if (c.found || !done) c = sieve_fly_on(c, dt);
         if (c.found && !inside) c.wall = 0;
