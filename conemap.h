@@ -7292,7 +7292,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(shading) X(clip) X(holes) X(curved) X(lod) X(fade) X(two_sided) X(world) X(smooth) X(normal_out) X(depth)     \
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
-    X(ranged) X(after)
+    X(ranged) X(after) X(beside)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -9245,7 +9245,7 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "}\n"},
     {"conemap_take_off",
      "// A flight from o, whose z counts from the base.\n"
-     "$FNconemap_course conemap_take_off($B_PARAMvec3 o, vec3 d, vec2 range$COURSE_PARAMS) {\n"
+     "$FNconemap_course conemap_take_off($B_PARAMvec3 o, vec3 d, vec2 range$LAUNCH_PARAMS) {\n"
      "    conemap_course c;\n"
      "?!lod     c.cell = conemap_lay(o, d, $FW, $FH, 0.5f);\n"
      "?lod     ivec2 fine = conemap_level_size(size, level), next = conemap_level_size(size, level + 1);\n"
@@ -9384,11 +9384,11 @@ static const conemap__snippet conemap__effect_snippets[] = {
     {"conemap_look_along",
      "// A course towards a direction of the world.\n"
      "$FNconemap_course conemap_look_along(conemap_basis b, vec3 place, vec3 direction, float t_max,\n"
-     "                                     vec4 bounds$COURSE_PARAMS) {\n"
+     "                                     vec4 bounds$LAUNCH_PARAMS) {\n"
      "    vec3 d = conemap_box_direction(b, direction);\n"
      "    vec2 range = conemap_clip(vec2(0.0f, t_max), place.x, d.x, bounds.x, bounds.z);\n"
      "    range = conemap_clip(range, place.y, d.y, bounds.y, bounds.w);\n"
-     "    return conemap_take_off($B_ARGplace, d, range$COURSE);\n"
+     "    return conemap_take_off($B_ARGplace, d, range$LAUNCH);\n"
      "}\n"},
     {"conemap_disc",
      "// A light's disc: its middle, to its side, its radius; how much of it is up, and how a step up moves across "
@@ -9403,7 +9403,7 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "$FNfloat conemap_disc_horizon(conemap_basis b, vec3 place, conemap_disc disc, float y, vec4 "
      "bounds$COURSE_PARAMS) {\n"
      "    vec3 direction = conemap_along(disc.light, y * disc.radius, disc.side);\n"
-     "    conemap_course c = conemap_look_along(b, place, direction, disc.reach, bounds$COURSE);\n"
+     "    conemap_course c = conemap_look_along(b, place, direction, disc.reach, bounds$LAUNCH);\n"
      "    float rise = c.rise, r = disc.radius, down = r / ((disc.lift + r * disc.above) * disc.height);\n"
      "    float high = rise + r / ((disc.lift - r * disc.above) * disc.height);\n"
      "    float s = (conemap_horizon(c, rise - down, high, down / 1024.0f$MAP) - rise) * disc.height;\n"
@@ -9475,7 +9475,7 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "        vec3 direction = conemap_along(conemap_scaled(east, cos(angle)), sin(angle), north);\n"
      "        float across = dot(normal, direction); // what is behind the surface's own plane is hidden\n"
      "        float least = zenith > 1e-4f ? -across / zenith : across > 0.0f ? -1e4f : 1e4f;\n"
-     "        conemap_course c = conemap_look_along(b, place, direction, reach, bounds$COURSE);\n"
+     "        conemap_course c = conemap_look_along(b, place, direction, reach, bounds$LAUNCH);\n"
      "        float rise = c.rise, low = min(max(least, -1e4f), 1e4f);\n"
      "        float slope = (conemap_horizon(c, rise + low / height, rise + 1e4f / height, 1.0f / (1024.0f * "
      "height)$MAP) -\n"
@@ -9511,7 +9511,7 @@ static const char conemap__shade_begin[] =
     "?lod     int level = int(s.level), cap = int(max(8.0f, ceil(float(e.lod_steps) * exp2(-s.level))));\n"
     "?lod     if (e.lod_steps == 0 || cap > $PRIMARY_CAP) cap = $PRIMARY_CAP;\n"
     "?lod     float weight = s.level - float(level);\n"
-    "?fade     conemap_basis upright = basis; // before it is flattened\n"
+    "?fade,normal     conemap_basis upright = basis; // before it is flattened\n"
     "?fade     s.fade = conemap_fade_of(basis, gradient, e.fade_begin, e.fade_end);\n"
     "?fade     frame.depth *= 1.0f - min(s.fade, 0.9999f);\n"
     "?fade     basis = conemap_make_basis(frame$TOWARD);\n"
@@ -9532,7 +9532,7 @@ static const char conemap__shade_begin[] =
     "?!flight     s.t = hit.t;\n"
     "?!flight     s.box = hit.position;\n"
     "?flight,curved     vec3 from = vec3(o.x, o.y, o.z + conemap_drop(basis, o.x, o.y)); // z from the base on\n"
-    "?flight     conemap_course c = conemap_take_off($BASIS_ARG$FROM, d, range$COURSE_FROM);\n"
+    "?flight     conemap_course c = conemap_take_off($BASIS_ARG$FROM, d, range$LAUNCH_FROM);\n"
     "?flight     c = conemap_fly(c, $CAP_HERE$MAP);\n"
     "?flight     s.found = c.found;\n"
     "?flight     s.t = c.t;\n"
@@ -9578,7 +9578,7 @@ static const char conemap__shade_end[] =
     "?walls,holes         if (c.wall > 0) wall = c.wall;\n"
     "?walls,fade         if (s.fade >= 0.9999f) wall = 0;\n"
     "?walls         if (wall > 0) { // on a side of the solid, or rather just beside it\n"
-    "?walls             float before = (wall == 1 ? d.x : d.y) > 0.0f ? -1.0f : 1.0f;\n"
+    "?walls,beside             float before = (wall == 1 ? d.x : d.y) > 0.0f ? -1.0f : 1.0f;\n"
     "?walls,normal             vec3 across = wall == 1 ? $UPRIGHT.to_u : $UPRIGHT.to_v;\n"
     "?walls,normal             normal = normalize(conemap_scaled(across, before));\n"
     "?walls,place             if (wall == 1) place.x += before * max(1.0f / 1048576.0f, abs(place.x) / 4194304.0f);\n"
@@ -9595,7 +9595,7 @@ static const char conemap__shade_end[] =
     "?hard,!flight,clip         range = conemap_clip(range, place.y, lit.y, bounds.y, bounds.w);\n"
     "?hard,!flight         hit = conemap_trace(place, lit, range.x, range.y$TRACE_MAP);\n"
     "?hard,!flight         s.shadow = hit.found ? 0.0f : 1.0f;\n"
-    "?hard,flight         c = conemap_look_along(basis, place, ray, light.w, bounds$COURSE_FROM);\n"
+    "?hard,flight         c = conemap_look_along(basis, place, ray, light.w, bounds$LAUNCH_FROM);\n"
     "?hard,flight         c = conemap_fly(c, $FLY_CAP$MAP);\n"
     "?hard,flight         s.shadow = c.found ? 0.0f : 1.0f;\n"
     "?soft         float radius = e.light.w != 0.0f ? min(e.light_radius / light.w, 1.0f) : e.light_radius;\n"
@@ -9619,9 +9619,9 @@ static const char conemap__shade_resources[] =
 static const char conemap__shade_main[] =
     "?glsl $IN_0in vec3 conemap_origin;    // of the ray, in the world\n"
     "?glsl $IN_1in vec3 conemap_direction; // t = 1 at the fragment, say\n"
-    "?glsl $IN_2in vec3 conemap_tangent;   // the frame at the fragment\n"
-    "?glsl $IN_3in vec3 conemap_bitangent;\n"
-    "?glsl $IN_4in vec3 conemap_normal;\n"
+    "?glsl $IN_2in vec3 conemap_frame_tangent;   // the frame at the fragment\n"
+    "?glsl $IN_3in vec3 conemap_frame_bitangent;\n"
+    "?glsl $IN_4in vec3 conemap_frame_normal;\n"
     "?glsl $IN_5in vec3 conemap_point;     // the fragment in the world\n"
     "?glsl $IN_6in vec2 conemap_uv;        // and on the map\n"
     "?glsl layout(location = 0) out vec4 conemap_target0; // u, v, z, t\n"
@@ -9666,9 +9666,9 @@ static const char conemap__shade_main[] =
     "?glsl void main() {\n"
     "    conemap_frame frame;\n"
     "?glsl     frame.origin = conemap_point;\n"
-    "?glsl     frame.tangent = conemap_tangent;\n"
-    "?glsl     frame.bitangent = conemap_bitangent;\n"
-    "?glsl     frame.normal = conemap_normal;\n"
+    "?glsl     frame.tangent = conemap_frame_tangent;\n"
+    "?glsl     frame.bitangent = conemap_frame_bitangent;\n"
+    "?glsl     frame.normal = conemap_frame_normal;\n"
     "?glsl     frame.uv_offset = conemap_uv;\n"
     "?hlsl     frame.origin = inputs.place;\n"
     "?hlsl     frame.tangent = inputs.tangent;\n"
@@ -9744,6 +9744,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     f[conemap__flag_normal] = f[conemap__flag_normal_out] || f[conemap__flag_sky];
     f[conemap__flag_gentle] = f[conemap__flag_smooth] || f[conemap__flag_occlusion];
     f[conemap__flag_place] = f[conemap__flag_lights] || f[conemap__flag_sky];
+    f[conemap__flag_beside] = f[conemap__flag_normal] || f[conemap__flag_place];
     f[conemap__flag_looks] = f[conemap__flag_normal_out] || f[conemap__flag_place] || f[conemap__flag_open];
     f[conemap__flag_after] = f[conemap__flag_world] || f[conemap__flag_depth] || f[conemap__flag_looks];
     f[conemap__flag_gradient] = f[conemap__flag_uv] || f[conemap__flag_lod] || f[conemap__flag_fade];
@@ -9812,11 +9813,17 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     if (array) conemap__append(out, size, ", conemap_slice");
     conemap__piece_set(e, "TRACE_RANGE", 0, d->t_range ? ", range.x, range.y" : "");
     conemap__piece_set(e, "TRACE_MAP", 0, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
-    conemap__piece_set(e, "COURSE_PARAMS", 0, lod ? (holes ? ", float weight, float alpha_cut$MAP_PARAMS" : ", float weight$MAP_PARAMS")
-                                              : holes ? ", float alpha_cut$MAP_PARAMS" : "$MAP_PARAMS");
-    conemap__piece_set(e, "COURSE", 0, lod ? (holes ? ", weight, alpha_cut$MAP" : ", weight$MAP") : holes ? ", alpha_cut$MAP" : "$MAP");
-    conemap__piece_set(e, "COURSE_FROM", 0,
-                       lod ? (holes ? ", weight, e.alpha_cut$MAP" : ", weight$MAP") : holes ? ", e.alpha_cut$MAP" : "$MAP");
+    for (k = 0; k < 6; ++k) { /* of functions that begin flights: what is put in, and what goes on to the map */
+        static const char *const names[6] = {"LAUNCH_PARAMS", "LAUNCH", "LAUNCH_FROM", "COURSE_PARAMS", "COURSE", "COURSE_FROM"};
+        static const char *const cuts[3] = {", float alpha_cut", ", alpha_cut", ", e.alpha_cut"};
+        out = conemap__piece_new(e, names[k], 0);
+        if (lod) conemap__append(out, size, k % 3 ? ", weight" : ", float weight");
+        if (holes) conemap__append(out, size, cuts[k % 3]);
+        if (k >= 3)
+            conemap__append(out, size, k % 3 ? "$MAP" : "$MAP_PARAMS");
+        else
+            conemap__append(out, size, k % 3 ? (lod ? "$SIZE, level" : "$SIZE") : "$SIZE_PARAMS$LEVEL_PARAM");
+    }
     conemap__piece_set(e, "TOWARD_PARAM", 0, f[conemap__flag_two_sided] ? ", vec3 toward" : "");
     conemap__piece_set(e, "TOWARD", 0, f[conemap__flag_two_sided] ? ", direction" : "");
     conemap__piece_set(e, "SIDE", 0, f[conemap__flag_two_sided] ? "side * " : "");

@@ -514,7 +514,6 @@ static const struct {
     {CONEMAP_EFFECT_LOD, "lod_bias"},
     {CONEMAP_EFFECT_LOD, "conemap_level_size"},
     {CONEMAP_EFFECT_FADE, "conemap_fade_of"},
-    {CONEMAP_EFFECT_FADE, "upright"},
     {CONEMAP_EFFECT_TWO_SIDED, "toward"},
     {CONEMAP_EFFECT_POSITION, "s.position"},
     {CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL, "s.normal"},
