@@ -57,6 +57,7 @@
        T R A C E R S               the walk through cells, every tracer, refinement
        P R E P A R A T I O N       the prepared tracer's table, with the proof; its rays' way in and out
        E M I T T E R               shaders from snippets
+       E M I T T E D   E F F E C T S   the snippets of effects
        E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
        F R U S T A                 skinning, the relief's shell, a tree of boxes
@@ -791,6 +792,32 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
        texel (`make check` counts them).
    hit.t is added up step by step, so it rounds off by half a bit a step; hit.position does not.
    A map without the bilinear guarantee makes EXACT go back where a cone ended below the surface, as on the CPU.
+
+   Effects. With flags (conemap_effect bits) the text is conemap_shade's, and holds what these need and no line more:
+
+       conemap_shading s = conemap_shade(effects, frame, origin, direction);   // a ray of the world
+
+   with more arguments in this order: t_min, t_max (t_range); gradient (UV, LOD, FADE); rect (atlas); size (a host's fetch);
+   slice (array). `effects` is there if one of the flags has settings. The structs are written in the text; fields are
+   those of EFFECTS below, but nothing is 0 for a default, and
+     - a frame's aspect is the map's; depth is the height scale, level the z of the surface: both may change per draw;
+     - effects.light ends with 0 for a direction, 1 for a position; clip_z and clip_w are the rows of the matrix that make
+       z and w of the clip position, for depth z / w; where depth is 0.5 + 0.5 z / w (GL's default) hand (z + w) / 2 as clip_z.
+       Reversed and infinite projections are in the matrix;
+     - HOLES read a texture conemap_alpha (one channel, a texel for each of the map's; in GL a host's fetch is joined by its
+       float conemap_alpha(i, j)), a texel is a hole below alpha_cut, (128 - 0.5) / 255 for the CPU's default;
+     - LOD reads mip k of the map's textures as level k (conemap_build_levels); a host's fetch gets the level last;
+     - UV also writes conemap_color(shading), which samples the texture conemap_colors by textureGrad or SampleGrad.
+   What is found is shaded; where the step cap of LOD ends a ray, it is found and shaded where it is. CURVED, LOD, HOLES
+   and both shadows and SKY need the EXACT tracer, FETCH and cones that are not relaxed; normals and OCCLUSION FETCH; LOD
+   neither fixed_size nor atlas; else UNSUPPORTED, as with any_hit, steps, status, run_time_cap and COMPUTE.
+
+   FRAGMENT with effects gets per vertex: conemap_origin (the viewer) and conemap_direction (from there to the vertex, so
+   t = 1 at the surface), conemap_frame_tangent, _bitangent and _normal, conemap_point (the vertex in the world), conemap_uv;
+   in HLSL TEXCOORD0..6 in this order. Uniforms (Vulkan: the block conemap_block behind the textures; HLSL: cbuffer b at
+   `binding`): conemap_settings (the effects), conemap_shape (uv_scale, depth, level), conemap_curvature, and the arguments.
+   Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked for;
+   and the depth. Fragments that hit nothing are discarded.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {

@@ -18,6 +18,10 @@ static const char *const filters[] = {"fetch", "gather", "hardware", NULL};
 static const char *const guarantees[] = {"default",          "none", "vertex", "bilinear", "relaxed",
                                          "relaxed-bilinear", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
+static const char *const depth_bounds[] = {"any", "greater", "less", NULL};
+static const char *const effects[] = {"clip",          "holes", "curved",      "lod",       "fade", "two-sided",
+                                      "position",      "normal", "smooth-normal", "depth",     "shadow", "soft-shadow",
+                                      "occlusion",     "sky",   "uv",          NULL}; /* as the bits of conemap_effect */
 
 struct option {
     const char *name;
@@ -27,6 +31,19 @@ struct option {
     const char **text;
     const char *help;
 };
+
+/* A list of names with commas between them, as bits; -1 for one that is unknown. */
+static int effect_bits(const char *list) {
+    int bits = 0, k;
+    while (*list) {
+        const size_t length = strcspn(list, ",");
+        for (k = 0; effects[k] && (strlen(effects[k]) != length || strncmp(effects[k], list, length) != 0);) ++k;
+        if (!effects[k]) return -1;
+        bits |= 1 << k;
+        list += length + (list[length] == ',');
+    }
+    return bits;
+}
 
 static void help(const struct option *options) {
     int k, w;
@@ -43,7 +60,8 @@ int main(int argument_count, char **arguments) {
     conemap_shader_desc desc = {0};
     int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
         wrap_v = 0;
-    int filter = 0, guarantee = 0, precision = 0, k, m;
+    int filter = 0, guarantee = 0, precision = 0, depth_bound = 0, k, m;
+    const char *effect_list = "";
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
         {"--stage", stages, &stage, NULL, NULL, ""},
@@ -74,6 +92,9 @@ int main(int argument_count, char **arguments) {
         {"--run-time-cap", NULL, &desc.run_time_cap, NULL, NULL, "1: the step cap is an argument"},
         {"--atlas", NULL, &desc.atlas, NULL, NULL, "1: the rectangle in the texture is an argument"},
         {"--array", NULL, &desc.array, NULL, NULL, "1: the slice of the texture array is an argument"},
+        {"--effects", NULL, NULL, NULL, &effect_list,
+         "of clip,holes,curved,lod,fade,two-sided,position,normal,smooth-normal,depth,shadow,soft-shadow,occlusion,sky,uv"},
+        {"--depth-bound", depth_bounds, &depth_bound, NULL, NULL, ""},
         {"--precision", precisions, &precision, NULL, NULL, ""},
         {"--external", NULL, &desc.external, NULL, NULL, "1: no declarations of textures"},
         {"--set", NULL, &desc.set, NULL, NULL, "descriptor set or register space"},
@@ -132,6 +153,12 @@ int main(int argument_count, char **arguments) {
     desc.map.guarantee = (conemap_guarantee)guarantee;
     desc.filter = (conemap_filter)filter;
     desc.precision = (conemap_precision)precision;
+    desc.depth_bound = (conemap_depth_bound)depth_bound;
+    if (effect_bits(effect_list) < 0) {
+        fprintf(stderr, "emit: --effects %s: no such effect (--help lists them)\n", effect_list);
+        return 1;
+    }
+    desc.flags = (unsigned)effect_bits(effect_list);
     result = conemap_emit(&desc, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
     if (result == CONEMAP_OK) result = text ? conemap_emit(&desc, text, size, NULL) : CONEMAP_ERROR_MEMORY;
