@@ -33,6 +33,9 @@ works build/hello
 works build/emit --help
 works build/emit --dialect hlsl50 --tracer exact --stage compute
 grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
+works build/emit --effects shadow,depth,uv --stage fragment --dialect vulkan --depth-bound greater
+grep -q conemap_shade "$dir/stdout" || say "emit prints no effects"
+refuses build/emit --effects sparkle
 refuses build/emit --dialect cobol
 refuses build/emit --tracer
 refuses build/emit --stage compute
