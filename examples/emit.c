@@ -19,9 +19,9 @@ static const char *const guarantees[] = {"default",          "none", "vertex", "
                                          "relaxed-bilinear", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
 static const char *const depth_bounds[] = {"any", "greater", "less", NULL};
-static const char *const effects[] = {"clip",          "holes", "curved",      "lod",       "fade", "two-sided",
-                                      "position",      "normal", "smooth-normal", "depth",     "shadow", "soft-shadow",
-                                      "occlusion",     "sky",   "uv",          NULL}; /* as the bits of conemap_effect */
+static const char *const effects[] = { /* as the bits of conemap_effect */
+    "clip",   "holes",         "curved", "lod",    "fade",        "two-sided", "position", "normal",
+    "smooth-normal", "depth",  "shadow", "soft-shadow", "occlusion", "sky",    "uv",       NULL};
 
 struct option {
     const char *name;
@@ -93,7 +93,8 @@ int main(int argument_count, char **arguments) {
         {"--atlas", NULL, &desc.atlas, NULL, NULL, "1: the rectangle in the texture is an argument"},
         {"--array", NULL, &desc.array, NULL, NULL, "1: the slice of the texture array is an argument"},
         {"--effects", NULL, NULL, NULL, &effect_list,
-         "of clip,holes,curved,lod,fade,two-sided,position,normal,smooth-normal,depth,shadow,soft-shadow,occlusion,sky,uv"},
+         "some of clip,holes,curved,lod,fade,two-sided,position,normal,smooth-normal,depth,shadow,"
+         "soft-shadow,occlusion,sky,uv"},
         {"--depth-bound", depth_bounds, &depth_bound, NULL, NULL, ""},
         {"--precision", precisions, &precision, NULL, NULL, ""},
         {"--external", NULL, &desc.external, NULL, NULL, "1: no declarations of textures"},

@@ -218,7 +218,8 @@ static const struct set {
 } sets[] = {
     {"plain_c.h", "plain", plain_run,
      CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_TWO_SIDED | CONEMAP_EFFECT_POSITION |
-         CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_UV,
+         CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION |
+         CONEMAP_EFFECT_UV,
      CONEMAP_CLAMP, CONEMAP_WRAP, 0.6f, 0, CONEMAP_LINEAR},
     {"bent_c.h", "bent", bent_run,
      CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE |
@@ -496,7 +497,8 @@ static int has_word(const char *text, const char *word)
     const char *at = text;
     while ((at = strstr(at, word)) != NULL) {
         const char before = at == text ? ' ' : at[-1], after = at[length];
-        const int inner = (before >= 'a' && before <= 'z') || before == '_', more = (after >= 'a' && after <= 'z') || after == '_';
+        const int inner = (before >= 'a' && before <= 'z') || before == '_';
+        const int more = (after >= 'a' && after <= 'z') || after == '_';
         if (!inner && !more) return 1;
         at += length;
     }

@@ -8,7 +8,8 @@
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 static int on_gpu;
-static conemap_result shade_rays(const conemap_map *map, const conemap_trace_desc *trace, const conemap_effects *effects,
+static conemap_result shade_rays(const conemap_map *map, const conemap_trace_desc *trace,
+                                 const conemap_effects *effects,
                                  const conemap_ray *rays, conemap_hit *hits, conemap_shading *shadings, int count);
 #include "../../examples/effects.c"
 #undef main
@@ -80,22 +81,24 @@ static GLuint program_of(unsigned flags)
              "    frame.bitangent = given(4).xyz;\n    frame.normal = given(5).xyz;\n    frame.uv_offset = place.xy;\n"
              "    frame.uv_scale = place.zw;\n    frame.depth = more.x;\n    frame.level = more.y;\n");
     if (flags & CURVED) strcat(whole, "    frame.curvature = given(8).xyz;\n");
-    if (flags == 0) { /* a main of its own */
+    if (flags == 0) /* a main of its own */
         snprintf(whole, sizeof whole, "#version 450 core\n%s%s", text,
-                 "layout(binding = 5) uniform sampler2D rays;\nlayout(location = 0) out vec4 answer[4];\nvec4 given(int row) {\n"
-                 "    return texelFetch(rays, ivec2(int(gl_FragCoord.x), row), 0);\n}\nvoid main() {\n"
-                 "    vec4 origin = given(0), direction = given(1), more = given(7);\n");
-        strcat(whole, "    conemap_hit hit = conemap_trace(origin.xyz / vec3(1.0, 1.0, more.x), direction.xyz / vec3(1.0, 1.0, "
-                      "more.x), 0.0, 1e30);\n    answer[0] = vec4(hit.found ? 1.0 : 0.0, hit.position);\n    answer[1] = "
-                      "answer[2] = answer[3] = vec4(hit.t);\n}\n");
-    }
-    if (flags) sprintf(whole + strlen(whole), "    conemap_shading s = conemap_shade(%sframe, origin.xyz, direction.xyz, origin.w, direction.w%s);\n",
-            flags & settings ? "e, " : "", flags & (UV | LOD | FADE) ? ", given(9)" : "");
+                 "layout(binding = 5) uniform sampler2D rays;\nlayout(location = 0) out vec4 answer[4];\n"
+                 "vec4 given(int row) {\n    return texelFetch(rays, ivec2(int(gl_FragCoord.x), row), 0);\n}\n"
+                 "void main() {\n    vec3 stretch = vec3(1.0, 1.0, 1.0 / given(7).x);\n"
+                 "    conemap_hit hit = conemap_trace(given(0).xyz * stretch, given(1).xyz * stretch, 0.0, 1e30);\n"
+                 "    answer[0] = vec4(hit.found ? 1.0 : 0.0, hit.position);\n"
+                 "    answer[1] = answer[2] = answer[3] = vec4(hit.t);\n}\n");
     if (flags) {
-        sprintf(whole + strlen(whole), "    answer[0] = vec4(s.found ? 1.0 : 0.0, s.box);\n    answer[1] = vec4(%s, %s, %s, s.t);\n",
-                flags & (SHADOW | SOFT_SHADOW) ? "s.shadow" : "1.0", flags & (OCCLUSION | SKY) ? "s.occlusion" : "1.0",
-                flags & DEPTH ? "s.depth" : "0.0");
-        sprintf(whole + strlen(whole), "    answer[2] = vec4(%s, %s);\n    answer[3] = vec4(%s, 0.0);\n}\n",
+        char *end = whole + strlen(whole);
+        end += sprintf(end, "    conemap_shading s = conemap_shade(%sframe, origin.xyz, direction.xyz,",
+                       flags & settings ? "e, " : "");
+        end += sprintf(end, " origin.w, direction.w%s);\n", flags & (UV | LOD | FADE) ? ", given(9)" : "");
+        end += sprintf(end, "    answer[0] = vec4(s.found ? 1.0 : 0.0, s.box);\n");
+        end += sprintf(end, "    answer[1] = vec4(%s, %s, %s, s.t);\n",
+                       flags & (SHADOW | SOFT_SHADOW) ? "s.shadow" : "1.0",
+                       flags & (OCCLUSION | SKY) ? "s.occlusion" : "1.0", flags & DEPTH ? "s.depth" : "0.0");
+        sprintf(end, "    answer[2] = vec4(%s, %s);\n    answer[3] = vec4(%s, 0.0);\n}\n",
                 flags & (NORMAL | SMOOTH) ? "s.normal" : "vec3(0.0)", flags & LOD ? "s.level" : "0.0",
                 flags & FADE ? "s.fade, 0.0, 0.0" : "vec3(0.0)");
     }
@@ -230,7 +233,8 @@ static void put_tile(unsigned char *sheet, int n, const float *picture)
             for (int k = 0; k < 3; ++k) {
                 size_t line = (size_t)(n / COLUMNS * TILE_H + y), column = (size_t)(n % COLUMNS * TILE_W + x);
                 float value = picture[3 * (y * TILE_W + x) + k];
-                sheet[3 * (line * TILE_W * COLUMNS + column) + (size_t)k] = (unsigned char)(powf(clamp01(value), 1 / 2.2f) * 255 + 0.5f);
+                sheet[3 * (line * TILE_W * COLUMNS + column) + (size_t)k] =
+                    (unsigned char)(powf(clamp01(value), 1 / 2.2f) * 255 + 0.5f);
             }
 }
 
@@ -250,7 +254,8 @@ static int beside_edge(const unsigned char *sheet, int line, int column)
 
 static int open_gpu(void)
 {
-    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5, EGL_CONTEXT_OPENGL_PROFILE_MASK,
+    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
+                                  EGL_CONTEXT_OPENGL_PROFILE_MASK,
                                   EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
     static const GLenum buffers[OUTPUTS] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2,
                                             GL_COLOR_ATTACHMENT3};
@@ -326,12 +331,26 @@ static int cost(const struct world *world, const char *folder)
     static const struct {
         const char *name;
         unsigned flags;
-    } cases[] = {{"plain trace", 0}, {"position", CONEMAP_EFFECT_POSITION}, {"clip", CLIP}, {"uv", UV}, {"two-sided", TWO_SIDED},
-                 {"depth", DEPTH}, {"normal", NORMAL}, {"smooth normal", SMOOTH}, {"shadow", SHADOW},
-                 {"soft shadow", SOFT_SHADOW}, {"occlusion", OCCLUSION}, {"sky, 8", SKY}, {"holes", HOLES}, {"curved", CURVED},
-                 {"lod, level 0.5", LOD}, {"fade", FADE},
-                 {"all together", CLIP | HOLES | CURVED | LOD | FADE | TWO_SIDED | CONEMAP_EFFECT_POSITION | SMOOTH | DEPTH |
-                                      SOFT_SHADOW | SKY | UV}};
+    } cases[] = {
+        {"plain trace", 0},
+        {"position", CONEMAP_EFFECT_POSITION},
+        {"clip", CLIP},
+        {"uv", UV},
+        {"two-sided", TWO_SIDED},
+        {"depth", DEPTH},
+        {"normal", NORMAL},
+        {"smooth normal", SMOOTH},
+        {"shadow", SHADOW},
+        {"soft shadow", SOFT_SHADOW},
+        {"occlusion", OCCLUSION},
+        {"sky, 8", SKY},
+        {"holes", HOLES},
+        {"curved", CURVED},
+        {"lod, level 0.5", LOD},
+        {"fade", FADE},
+        {"all together", CLIP | HOLES | CURVED | LOD | FADE | TWO_SIDED | CONEMAP_EFFECT_POSITION | SMOOTH | DEPTH |
+                             SOFT_SHADOW | SKY | UV},
+    };
     enum { COUNT = sizeof cases / sizeof cases[0] };
     static conemap_ray rays[WIDE], boxes[WIDE];
     static conemap_hit hits[WIDE];
@@ -437,7 +456,8 @@ int main(int argc, char **argv)
                 off += most > 1 && !beside_edge(sheets[0], line, column);
                 if (most > worst) worst = most;
             }
-        printf("%-44s %7.4f %% differ by more than 1/255, worst %3d, %d off the edges (%.1f s, %.1f s)\n", tiles[n].what,
+        printf("%-44s %7.4f %% differ by more than 1/255, worst %3d, %d off the edges (%.1f s, %.1f s)\n",
+               tiles[n].what,
                100 - 100.0 * same / (TILE_W * TILE_H), worst, off, times[0], times[1]);
         fflush(stdout);
         if (same < 0.999 * TILE_W * TILE_H || off) ++bad;
@@ -451,7 +471,8 @@ int main(int argc, char **argv)
             snprintf(path, sizeof path, "%s/effects_%s.png", folder, k ? "gpu" : "cpu");
             png_write(path, sheets[k], TILE_W * COLUMNS, TILE_H * ROWS, 3);
         }
-    printf("effects on a software GPU: %d pixels, %d differ by more than 1/255 from the CPU's, %d of them on no edge\n", pixels,
+    printf("effects on a software GPU: %d pixels, %d differ by more than 1/255 from the CPU's, %d of them on no edge\n",
+           pixels,
            pixels - near_same, off_edges);
     return bad != 0;
 }

@@ -111,18 +111,20 @@ static void shade_host(const conemap_shader_desc *d)
     const unsigned gradients = CONEMAP_EFFECT_UV | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
     const int hlsl = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60, c = d->dialect == CONEMAP_C99;
     const int vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN, set = (d->flags & settings) != 0;
+    const int graded = (d->flags & gradients) != 0;
     const char *p = d->prefix ? d->prefix : "conemap", *two = hlsl ? "int2" : "ivec2", *four = hlsl ? "int4" : "ivec4";
     char line[600], call[300];
     sprintf(call, "%s_shade(%shost_frame, %s", p, set ? "host_effects, " : "", c ? "o, o" : "host_ray, -host_ray");
     if (d->t_range) strcat(call, c ? ", 0.1f, 2.0f" : ", 0.1, 2.0");
-    if (d->flags & gradients) strcat(call, c ? ", g" : ", host_gradient");
+    if (graded) strcat(call, c ? ", g" : ", host_gradient");
     if (d->atlas) sprintf(call + strlen(call), c ? ", r" : ", %s(1, 2, 3, 4)", four);
     if (d->fetch && !d->fixed_size && !d->atlas) sprintf(call + strlen(call), c ? ", s" : ", %s(3, 4)", two);
     if (d->array) strcat(call, ", 1");
     strcat(call, ")");
     if (c) {
-        sprintf(line, "%s%s%s_frame host_frame, %s_vec3 o%s%s%s%s%s%s)", set ? p : "", set ? "_effects host_effects, " : "",
-                p, p, d->flags & gradients ? ", " : "", d->flags & gradients ? p : "", d->flags & gradients ? "_vec4 g" : "",
+        sprintf(line, "%s%s%s_frame host_frame, %s_vec3 o%s%s%s%s%s%s)", set ? p : "",
+                set ? "_effects host_effects, " : "",
+                p, p, graded ? ", " : "", graded ? p : "", graded ? "_vec4 g" : "",
                 d->atlas        ? ", "
                 : d->fixed_size ? ""
                                 : ", ",
@@ -139,13 +141,14 @@ static void shade_host(const conemap_shader_desc *d)
         sprintf(line, "cbuffer host_block {\n");
         if (set) sprintf(line + strlen(line), "    %s_effects host_effects;\n", p);
         sprintf(line + strlen(line), "    %s_frame host_frame;\n    float4 host_gradient;\n};\n", p);
-        sprintf(line + strlen(line), "float4 main(float3 host_ray : TEXCOORD0) : SV_Target {\n    return float4(%s.box, 1.0);\n}\n",
+        sprintf(line + strlen(line),
+                "float4 main(float3 host_ray : TEXCOORD0) : SV_Target {\n    return float4(%s.box, 1.0);\n}\n",
                 call);
     } else {
         sprintf(line, vulkan ? "layout(binding = 11) uniform host_block {\n" : "");
         if (set) sprintf(line + strlen(line), "%s%s_effects host_effects;\n", vulkan ? "    " : "uniform ", p);
-        sprintf(line + strlen(line), "%s%s_frame host_frame;\n%svec4 host_gradient;\n%s", vulkan ? "    " : "uniform ", p,
-                vulkan ? "    " : "uniform ", vulkan ? "};\n" : "");
+        sprintf(line + strlen(line), "%s%s_frame host_frame;\n%svec4 host_gradient;\n%s", vulkan ? "    " : "uniform ",
+                p, vulkan ? "    " : "uniform ", vulkan ? "};\n" : "");
         sprintf(line + strlen(line),
                 "%sin vec3 host_ray;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s.box, 1.0);\n}\n",
                 vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call);

@@ -1,6 +1,6 @@
-/* Flying away from a map that repeats:  flight. The same view from ever higher, straight down, with levels of detail and
-   fading. Consecutive frames differ, as everything moves; but no frame may differ from the one before by much more than its
-   neighbours do, which is what is seen as popping. Levels that are not blended, for comparison, do pop. */
+/* Flying away from a map that repeats:  flight. The same view from ever higher, straight down, with levels of detail
+   and fading. Consecutive frames differ, as everything moves; but no frame may differ from the one before by much more
+   than its neighbours do, which is what is seen as popping. Levels that are not blended, for comparison, do pop. */
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 #include "../zoo.h"
@@ -40,8 +40,9 @@ static int render(const conemap_map *levels, float pixel, int snap, float *pictu
         for (x = 0; x < PICTURE; ++x) {
             k = y * PICTURE + x;
             /* turned, so that rows of pixels do not move over rows of bricks together */
-            rays[k].origin[0] = 0.37f + pixel * (0.8f * ((float)x - 0.5f * (float)PICTURE) - 0.6f * ((float)y - 0.5f * (float)PICTURE));
-            rays[k].origin[1] = 0.61f + pixel * (0.6f * ((float)x - 0.5f * (float)PICTURE) + 0.8f * ((float)y - 0.5f * (float)PICTURE));
+            const float right = pixel * (float)(x - PICTURE / 2), below = pixel * (float)(y - PICTURE / 2);
+            rays[k].origin[0] = 0.37f + 0.8f * right - 0.6f * below;
+            rays[k].origin[1] = 0.61f + 0.6f * right + 0.8f * below;
             rays[k].origin[2] = 1.0f;
             rays[k].direction[2] = -1.0f;
             gradients[k].dudx = gradients[k].dvdy = 0.8f * step;
@@ -52,7 +53,7 @@ static int render(const conemap_map *levels, float pixel, int snap, float *pictu
     for (k = 0; k < PICTURE * PICTURE; ++k) {
         const float *n = shadings[k].normal;
         const float sun = (n[0] * light[0] + n[1] * light[1] + n[2] * light[2]) / length;
-        picture[k] = hits[k].status == CONEMAP_HIT ? 0.3f + 0.7f * shadings[k].shadow * (sun > 0.0f ? sun : 0.0f) : 0.0f;
+        picture[k] = 0.3f + 0.7f * shadings[k].shadow * (sun > 0.0f ? sun : 0.0f);
     }
     return 1;
 }
@@ -109,8 +110,8 @@ int main(void)
         if (conemap_build_levels(&desc, levels, LEVELS) != CONEMAP_OK) return 1;
         blended = worst_step(levels, 0, &at);
         snapped = worst_step(levels, 1, &other);
-        printf("flight over %s, %d frames: the worst differs %.2f times as much as its neighbours (frame %d); %.2f without "
-               "blending (frame %d)\n",
+        printf("flight over %s, %d frames: the worst differs %.2f times as much as its neighbours (frame %d); %.2f "
+               "without blending (frame %d)\n",
                zoo_name(kinds[m]), FRAMES, blended, at, snapped, other);
         bad |= blended > 1.6 || snapped < 2.5;
         for (k = 0; k < LEVELS; ++k) conemap_free(&levels[k]);

@@ -1,7 +1,7 @@
 /* Hard shadows against the truth:  shadows RAYS PART PARTS. Every shadow ray of conemap_shade is followed in double
-   precision through each cell. A leak: lit, though the surface rises by more than 2^-20 above the ray. A false shadow: dark,
-   though the ray clears the surface everywhere by more than what rounding moves a double. Half the rays go through
-   conemap_trace, half through the flights of curved bases (with no curvature, so that the truth knows them). */
+   precision through each cell. A leak: lit, though the surface rises by more than 2^-20 above the ray. A false shadow:
+   dark, though the ray clears the surface everywhere by more than what rounding moves a double. Half the rays go
+   through conemap_trace, half through the flights of curved bases (with no curvature, so that the truth knows them). */
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 #include "../truth.h"
@@ -85,7 +85,8 @@ static int round_of(long round)
     e.flags = CONEMAP_EFFECT_SHADOW | (round & 1 ? (unsigned)CONEMAP_EFFECT_CURVED : 0u);
     e.light_is_point = zoo_below(&random, 3) == 0;
     for (k = 0; k < 2; ++k) e.light[k] = e.light_is_point ? zoo_unit(&random) : zoo_between(&random, -1.0f, 1.0f);
-    e.light[2] = e.light_is_point ? frame.depth * (1.0f - frame.level) * zoo_unit(&random) : frame.depth * zoo_unit(&random) + 0.01f;
+    e.light[2] = frame.depth * zoo_unit(&random);
+    e.light[2] = e.light_is_point ? (1.0f - frame.level) * e.light[2] : e.light[2] + 0.01f;
     if (conemap__resolve_frame(&frame, 0.0f, NULL, 0, &basis) != CONEMAP_OK) return 0;
     for (k = 0; k < RAYS; ++k) { /* to places all over the map, from above */
         const float x = zoo_between(&random, -0.2f, 0.2f), y = zoo_between(&random, -0.2f, 0.2f);
@@ -109,9 +110,9 @@ static int round_of(long round)
         if ((shadings[k].shadow != 0.0f && clearance < -MISS) || (shadings[k].shadow == 0.0f && clearance > CLEAR)) {
             long *count = shadings[k].shadow == 0.0f ? &false_shadows : &leaks;
             if (++*count < 4)
-                printf("round %ld, ray %d: %s, clearance %.3g from (%.9g, %.9g, %.9g) to (%.9g, %.9g, %.9g)\n", round, k,
-                       shadings[k].shadow == 0.0f ? "false shadow" : "leak", clearance, from[0], from[1], from[2], to[0],
-                       to[1], to[2]);
+                printf("round %ld, ray %d: %s, clearance %.3g from (%.9g, %.9g, %.9g) to (%.9g, %.9g, %.9g)\n", round,
+                       k, shadings[k].shadow == 0.0f ? "false shadow" : "leak", clearance, from[0], from[1], from[2],
+                       to[0], to[1], to[2]);
         }
     }
     conemap_free(&map);
@@ -120,7 +121,8 @@ static int round_of(long round)
 
 int main(int argc, char **argv)
 {
-    const long wanted = argc > 1 ? atol(argv[1]) : 100000, part = argc > 2 ? atol(argv[2]) : 0, parts = argc > 3 ? atol(argv[3]) : 1;
+    const long wanted = argc > 1 ? atol(argv[1]) : 100000, part = argc > 2 ? atol(argv[2]) : 0;
+    const long parts = argc > 3 ? atol(argv[3]) : 1;
     long round;
     for (round = part; rays_done < wanted / parts; round += parts)
         if (!round_of(round)) {
