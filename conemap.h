@@ -1192,7 +1192,9 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
    ====================================================================================================== */
 
 /* The effects, bit by bit. Cost: time on the CPU relative to conemap_trace with the defaults, whose own is 1; `make
-   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. */
+   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. conemap_emit writes each as a shader too:
+   `make check CHECK=effects` counts the instructions that it adds, and its time on a software GPU, which is the CPU's
+   or less for all but HOLES (0.7) and SKY (6 for each direction). */
 typedef enum conemap_effect {
     /* -- how rays are traced -- */
     CONEMAP_EFFECT_CLIP = 1 << 0,        /* the relief ends at a rectangle of uv. Nothing */
@@ -1368,7 +1370,9 @@ typedef struct conemap_shading {
    bowl (negative curvature) on a map that wraps has a far side which rays and shadows meet; end it with CLIP.
 
    Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is
-   cut by the horizons in five directions across it, and more where two differ by much: no dithering, no banding.
+   cut by the horizons in five directions across it, and more where two differ by much: no dithering, no banding; off
+   by 0.004 on average, 0.03 at worst, of an area light's 800 rays (tests/effects.c). Hard shadows: of 10^7 rays followed
+   in double precision none leaks and none is false (tests/long/shadows.c).
 
    OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3
    times as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its

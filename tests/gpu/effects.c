@@ -196,10 +196,10 @@ static conemap_result shade_rays(const conemap_map *map, const conemap_trace_des
     glUniform1f(at(p, "e.fade_begin"), 2);
     glUniform1f(at(p, "e.fade_end"), 0.5f);
     glViewport(0, 0, count, rows);
-    glFinish();
+    if (rows > 1) glFinish();
     gpu_time = seconds();
     glDrawArrays(GL_TRIANGLES, 0, 3);
-    glFinish();
+    if (rows > 1) glFinish();
     gpu_time = seconds() - gpu_time;
     for (k = 0; k < OUTPUTS; ++k) {
         glReadBuffer((GLenum)(GL_COLOR_ATTACHMENT0 + k));
