@@ -9737,9 +9737,8 @@ static int conemap__effects_clash(unsigned flags) {
     const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
     const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
     const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
-    return (flags & ~(unsigned)CONEMAP_EFFECT_ALL_BITS) || (flags & normals) == normals || (flags & shadows) ==
-        shadows ||
-           (flags & skies) == skies;
+    return (flags & ~(unsigned)CONEMAP_EFFECT_ALL_BITS) || (flags & normals) == normals ||
+           (flags & shadows) == shadows || (flags & skies) == skies;
 }
 
 /* Sets the flags of effects, and says what does not go with them. */
@@ -9750,8 +9749,8 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     int asked;
     if (!CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT)) return CONEMAP_ERROR_ENUM;
     if (d->depth_bound != CONEMAP_DEPTH_ANY &&
-        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] || d->dialect ==
-         CONEMAP_GLSL_330))
+        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] ||
+         d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
     if (conemap__effects_clash(flags)) return CONEMAP_ERROR_UNSUPPORTED;
@@ -9782,32 +9781,32 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     f[conemap__flag_after] = f[conemap__flag_world] || f[conemap__flag_depth] || f[conemap__flag_looks];
     f[conemap__flag_gradient] = f[conemap__flag_uv] || f[conemap__flag_lod] || f[conemap__flag_fade];
     f[conemap__flag_flight] = f[conemap__flag_curved] || f[conemap__flag_lod] || f[conemap__flag_holes];
-    f[conemap__flag_numbers] = f[conemap__flag_lights] || f[conemap__flag_open] || f[conemap__flag_lod] ||
-        f[conemap__flag_fade];
+    f[conemap__flag_numbers] =
+        f[conemap__flag_lights] || f[conemap__flag_open] || f[conemap__flag_lod] || f[conemap__flag_fade];
     f[conemap__flag_settings] = f[conemap__flag_clip] || f[conemap__flag_depth] || f[conemap__flag_lights] ||
                                 f[conemap__flag_sky] || f[conemap__flag_holes] || f[conemap__flag_lod] ||
-                                    f[conemap__flag_fade];
+                                f[conemap__flag_fade];
     f[conemap__flag_stored] = f[conemap__flag_gentle] && d->map.texture.layout == CONEMAP_DUMMER && !d->fetch;
     f[conemap__flag_walls] = f[conemap__flag_looks] &&
                              (f[conemap__flag_clip] || f[conemap__flag_holes] || !f[conemap__flag_wrap_u] ||
                               !f[conemap__flag_wrap_v]);
     f[conemap__flag_cuts] = f[conemap__flag_clip] || f[conemap__flag_fade] || f[conemap__flag_flight];
-    f[conemap__flag_bounds] = f[conemap__flag_cuts] || f[conemap__flag_walls] || f[conemap__flag_soft] ||
-        f[conemap__flag_sky];
+    f[conemap__flag_bounds] =
+        f[conemap__flag_cuts] || f[conemap__flag_walls] || f[conemap__flag_soft] || f[conemap__flag_sky];
     f[conemap__flag_sized] = f[conemap__flag_size_asked] && (f[conemap__flag_looks] || f[conemap__flag_flight] ||
                                                              (f[conemap__flag_bounds] && f[conemap__flag_nothing]));
     f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
     f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
     f[conemap__flag_ranged] = d->t_range != 0;
-    if (f[conemap__flag_cuts] || f[conemap__flag_hard]) d->t_range = f[conemap__flag_t_range] =
-        1; /* of conemap_trace */
+    if (f[conemap__flag_cuts] || f[conemap__flag_hard]) /* conemap_trace's, whatever conemap_shade has */
+        d->t_range = f[conemap__flag_t_range] = 1;
     asked = f[conemap__flag_flight] || f[conemap__flag_place]; /* a flight, or a second trace that must be exact */
     if (f[conemap__flag_compute] || f[conemap__flag_any] || d->steps || d->status || d->run_time_cap ||
         (f[conemap__flag_looks] && d->filter != CONEMAP_FILTER_FETCH) || (asked && !f[conemap__flag_exact]) ||
         ((f[conemap__flag_flight] || f[conemap__flag_soft] || f[conemap__flag_sky]) &&
          (d->filter != CONEMAP_FILTER_FETCH || f[conemap__flag_falling])) ||
-        (f[conemap__flag_occlusion] && !f[conemap__flag_cones]) || (f[conemap__flag_lod] && (d->fixed_size ||
-                                                                                             d->atlas)))
+        (f[conemap__flag_occlusion] && !f[conemap__flag_cones]) ||
+        (f[conemap__flag_lod] && (d->fixed_size || d->atlas)))
         return CONEMAP_ERROR_UNSUPPORTED;
     return CONEMAP_OK;
 }
@@ -9841,8 +9840,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", vec4 gradient");
     conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_PARAM" : "$FLAT_PARAMS");
     out = conemap__piece_new(e, "SHADE_SIGNATURE", 0);
-    conemap__append(out, size, f[conemap__flag_settings] ? "effects, frame, origin, direction" :
-                    "frame, origin, direction");
+    conemap__append(out, size,
+                    f[conemap__flag_settings] ? "effects, frame, origin, direction" : "frame, origin, direction");
     if (f[conemap__flag_ranged]) conemap__append(out, size, ", t_min, t_max");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
     conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
@@ -9909,8 +9908,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     for (axis = 0; axis < 2; ++axis)
         for (end = 0; end < 2; ++end) {
             const int wraps = f[axis ? conemap__flag_wrap_v : conemap__flag_wrap_u];
-            const int nothing = f[axis ? conemap__flag_nothing_v : conemap__flag_nothing_u], clips =
-                f[conemap__flag_clip];
+            const int nothing = f[axis ? conemap__flag_nothing_v : conemap__flag_nothing_u];
+            const int clips = f[conemap__flag_clip];
             const char *own = wraps ? (end ? "1e30f" : "-1e30f") : nothing ? rim[axis][end] : end ? "1.0f" : "0.0f";
             out = conemap__piece_new(e, least[axis][end], 0);
             if (clips && !wraps) conemap__append(out, size, end ? "min(" : "max(");
