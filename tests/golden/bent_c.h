@@ -278,10 +278,13 @@ static bent_course bent_take_off(bent_basis b, bent_vec3 o, bent_vec3 d, bent_ve
     c.found = false;
     c.rise = d.z + bent_drop_along(b, o.x, o.y, d.x, d.y);
     c.bend = bent_bend_along(b, d.x, d.y);
-    c = bent_fly_on(c, range.x);
-    c.end = range.y;
+    bool over = range.x <= range.y && range.x * (c.cell.vx + c.cell.vy) < 1e9f; // as far as an int goes
+    if (over) c = bent_fly_on(c, range.x);
+    c.end = over ? range.y : -1.0f;
     c.end = fminf(c.end, c.t + 1048576.0f / (c.cell.vx + c.cell.vy)); // a float knows no cells beyond
-    if (c.z < 0.0f) c = bent_fly_on(c, fminf(bent_first_root(-c.z, -c.rise, -c.bend), 1e9f)); // up to the floor
+    float up = bent_first_root(-c.z, -c.rise, -c.bend); // to the floor, from below
+    if (up > c.end - c.t) c.end = -1.0f;
+    if (c.end >= 0.0f) c = bent_fly_on(c, up);
     c.wall = 0;
     return c;
 }

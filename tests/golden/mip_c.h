@@ -209,9 +209,12 @@ static mip_course mip_take_off(mip_vec3 o, mip_vec3 d, mip_vec2 range, float wei
     c.speed = sqrtf(d.x * d.x + d.y * d.y);
     c.found = false;
     c.rise = d.z;
-    c = mip_fly_on(c, range.x);
-    c.end = range.y;
-    if (c.z < 0.0f) c = mip_fly_on(c, fminf(mip_fall(-c.z, -c.rise), 1e9f)); // up to the floor
+    bool over = range.x <= range.y && range.x * (c.cell.vx + c.cell.vy) < 1e9f; // as far as an int goes
+    if (over) c = mip_fly_on(c, range.x);
+    c.end = over ? range.y : -1.0f;
+    float up = mip_fall(-c.z, -c.rise); // to the floor, from below
+    if (up > c.end - c.t) c.end = -1.0f;
+    if (c.end >= 0.0f) c = mip_fly_on(c, up);
     return c;
 }
 

@@ -199,9 +199,12 @@ static sieve_course sieve_take_off(sieve_vec3 o, sieve_vec3 d, sieve_vec2 range,
     c.speed = sqrtf(d.x * d.x + d.y * d.y);
     c.found = false;
     c.rise = d.z;
-    c = sieve_fly_on(c, range.x);
-    c.end = range.y;
-    if (c.z < 0.0f) c = sieve_fly_on(c, fminf(sieve_fall(-c.z, -c.rise), 1e9f)); // up to the floor
+    bool over = range.x <= range.y && range.x * (c.cell.vx + c.cell.vy) < 1e9f; // as far as an int goes
+    if (over) c = sieve_fly_on(c, range.x);
+    c.end = over ? range.y : -1.0f;
+    float up = sieve_fall(-c.z, -c.rise); // to the floor, from below
+    if (up > c.end - c.t) c.end = -1.0f;
+    if (c.end >= 0.0f) c = sieve_fly_on(c, up);
     c.wall = 0;
     return c;
 }

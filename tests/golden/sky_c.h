@@ -210,10 +210,13 @@ static sky_course sky_take_off(sky_basis b, sky_vec3 o, sky_vec3 d, sky_vec2 ran
     c.found = false;
     c.rise = d.z + sky_drop_along(b, o.x, o.y, d.x, d.y);
     c.bend = sky_bend_along(b, d.x, d.y);
-    c = sky_fly_on(c, range.x);
-    c.end = range.y;
+    bool over = range.x <= range.y && range.x * (c.cell.vx + c.cell.vy) < 1e9f; // as far as an int goes
+    if (over) c = sky_fly_on(c, range.x);
+    c.end = over ? range.y : -1.0f;
     c.end = fminf(c.end, c.t + 1048576.0f / (c.cell.vx + c.cell.vy)); // a float knows no cells beyond
-    if (c.z < 0.0f) c = sky_fly_on(c, fminf(sky_first_root(-c.z, -c.rise, -c.bend), 1e9f)); // up to the floor
+    float up = sky_first_root(-c.z, -c.rise, -c.bend); // to the floor, from below
+    if (up > c.end - c.t) c.end = -1.0f;
+    if (c.end >= 0.0f) c = sky_fly_on(c, up);
     return c;
 }
 
