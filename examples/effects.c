@@ -3,6 +3,10 @@
 #define CONEMAP_IMPLEMENTATION
 #include "../conemap.h"
 
+#ifndef EFFECTS_SHADE
+#define EFFECTS_SHADE conemap_shade /* tests put a shader in its place */
+#endif
+
 enum { TILE_W = 320, TILE_H = 240, COLUMNS = 4, SAMPLES = 2, WIDE = TILE_W * SAMPLES };
 
 enum shape { FLOOR, BARREL };
@@ -273,7 +277,7 @@ static int render_tile(const struct world *w, const struct tile *tile, float *pi
             polygon_t[count] = t;
             pixel[count++] = i;
         }
-        conemap_result result = conemap_shade(map, NULL, &e, rays, hits, shadings, count);
+        conemap_result result = EFFECTS_SHADE(map, NULL, &e, rays, hits, shadings, count);
         if (result != CONEMAP_OK) return fail_result(tile->what, result);
         for (int n = 0; n < count; ++n) {
             float color[3], ball_color[3], background[3], depth = 0, *to = line + 3 * (pixel[n] / SAMPLES);

@@ -27,6 +27,10 @@ static const char *const precisions[] = {"highp", "mediump", NULL};
 static const char *const frusta_kinds[] = {"no", "plain", "relief", NULL};
 static const char *const sources[] = {"default", "buffer", "uniforms", "texture", "texels", NULL};
 static const char *const marches[] = {"default", "steps", "cones", NULL};
+static const char *const depth_bounds[] = {"any", "greater", "less", NULL};
+static const char *const effects[] = { /* as the bits of conemap_effect */
+    "clip",   "holes",         "curved", "lod",    "fade",        "two-sided", "position", "normal",
+    "smooth-normal", "depth",  "shadow", "soft-shadow", "occlusion", "sky",    "uv",       NULL};
 
 struct option {
     const char *name;
@@ -36,6 +40,19 @@ struct option {
     const char **text;
     const char *help;
 };
+
+/* A list of names with commas between them, as bits; -1 for one that is unknown. */
+static int effect_bits(const char *list) {
+    int bits = 0, k;
+    while (*list) {
+        const size_t length = strcspn(list, ",");
+        for (k = 0; effects[k] && (strlen(effects[k]) != length || strncmp(effects[k], list, length) != 0);) ++k;
+        if (!effects[k]) return -1;
+        bits |= 1 << k;
+        list += length + (list[length] == ',');
+    }
+    return bits;
+}
 
 static void help(const struct option *options) {
     int k, w;
@@ -59,7 +76,9 @@ int main(int argument_count, char **arguments) {
     conemap_frusta_shader_desc frusta = {0};
     int dialect = 0, stage = 0, tracer = 0, refinement = 0, format = 0, encoding = 0, layout = 0, wrap_u = 0,
         wrap_v = 0;
-    int filter = 0, guarantee = 0, precision = 0, kernel = 0, generator = 0, kind = 0, source = 0, march = 0, k, m;
+    int filter = 0, guarantee = 0, precision = 0, kernel = 0, generator = 0, kind = 0, source = 0, march = 0;
+    int depth_bound = 0, k, m;
+    const char *effect_list = "";
     const struct option options[] = {
         {"--dialect", dialects, &dialect, NULL, NULL, ""},
         {"--stage", stages, &stage, NULL, NULL, ""},
@@ -93,6 +112,10 @@ int main(int argument_count, char **arguments) {
         {"--run-time-cap", NULL, &desc.run_time_cap, NULL, NULL, "1: the step cap is an argument"},
         {"--atlas", NULL, &desc.atlas, NULL, NULL, "1: the rectangle in the texture is an argument"},
         {"--array", NULL, &desc.array, NULL, NULL, "1: the slice of the texture array is an argument"},
+        {"--effects", NULL, NULL, NULL, &effect_list,
+         "some of clip,holes,curved,lod,fade,two-sided,position,normal,smooth-normal,depth,shadow,"
+         "soft-shadow,occlusion,sky,uv"},
+        {"--depth-bound", depth_bounds, &depth_bound, NULL, NULL, ""},
         {"--precision", precisions, &precision, NULL, NULL, ""},
         {"--external", NULL, &desc.external, NULL, NULL, "1: no declarations of textures"},
         {"--set", NULL, &desc.set, NULL, NULL, "descriptor set or register space"},
@@ -188,6 +211,12 @@ int main(int argument_count, char **arguments) {
     frusta.fetch = desc.fetch;
     if (kind == 2 && wrap_u == 0) frusta.map.wrap_u = CONEMAP_WRAP;
     desc.map.generator = (conemap_generator)generator;
+    desc.depth_bound = (conemap_depth_bound)depth_bound;
+    if (effect_bits(effect_list) < 0) {
+        fprintf(stderr, "emit: --effects %s: no such effect (--help lists them)\n", effect_list);
+        return 1;
+    }
+    desc.flags = (unsigned)effect_bits(effect_list);
     result = kind ? conemap_emit_frusta(&frusta, NULL, 0, &size) : emit(&desc, kernel, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
     if (result == CONEMAP_OK)

@@ -320,6 +320,30 @@ cells() {
 }
 need "cells, 10 million by bound" gcc && part "cells, 10 million by bound" cells
 
+# ---- ten million shadow rays: no leak, no false shadow; a flight away from a map: no frame that pops ------------------
+shadows() {
+    local parts part pids="" bad=0
+    parts=$(nproc 2>/dev/null || echo 2)
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -I. tests/long/shadows.c -o "$dir/shadows" -lm || return 1
+    rm -f "$dir"/part.*
+    for ((part = 0; part < parts; ++part)); do
+        "$dir/shadows" "${SHADOW_RAYS:-10000000}" $part "$parts" >"$dir/part.$part" &
+        pids="$pids $!"
+    done
+    for part in $pids; do wait "$part" || bad=1; done
+    tail -qn 1 "$dir"/part.* | awk '{r+=$1; d+=$4; l+=$8; f+=$10} END {print r " shadow rays, " d " dark, " l " leaks, " f " false shadows"}' |
+        tee -a "$work/counts"
+    [ $bad = 0 ] || { cat "$dir"/part.*; return 1; }
+}
+need "shadows, 10 million rays" gcc && part "shadows, 10 million rays" shadows
+flight() {
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -I. tests/long/flight.c -o "$dir/flight" -lm || return 1
+    "$dir/flight"
+}
+need "flight away from levels" gcc && part "flight away from levels" flight
+
 # ---- how near the safe cones come to the widest that are safe; their steps ------------------------------------------
 aperture() {
     # shellcheck disable=SC2086
@@ -419,6 +443,17 @@ if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
     part "shaders on a software GPU" software_gpu
 else
     skip "shaders on a software GPU" "EGL headers"
+fi
+effects_on_gpu() { # the sheet of examples/effects.c by the CPU and by the shader, and what each effect costs
+    gcc -std=c99 -O2 -I. tests/gpu/effects.c -o "$dir/effects" -lEGL -lGL -lm || return 1
+    EGL_PLATFORM=surfaceless "$dir/effects" "$dir" || return 1
+    tail -n 1 "$dir/log" >>"$work/counts"
+    EGL_PLATFORM=surfaceless "$dir/effects" cost "$dir" | sed 's/^/cost  /' | tee -a "$work/counts"
+}
+if have gcc && echo 'int main(void) { return 0; }' | gcc -xc - -lEGL -lGL -o "$work/gl" 2>/dev/null; then
+    part "effects on a software GPU" effects_on_gpu
+else
+    skip "effects on a software GPU" "EGL and GL to link with"
 fi
 
 frusta_gpu() {

@@ -664,7 +664,7 @@ static void bad_input(void)
             d.fetch = "given";
             d.map.texture.sectors = 4;
             break;
-        case 19: d.flags = 1; break;
+        case 19: d.flags = 1u << 31; break;
         case 20: d.dialect = CONEMAP_C99; break;
         case 21: d.set = 1; break;
         case 22: d.sampler_binding = 1; break;

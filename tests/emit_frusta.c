@@ -641,6 +641,8 @@ static void bad_input(void)
         {"any hit in a fragment shader", CONEMAP_ERROR_UNSUPPORTED},
         {"shade in functions", CONEMAP_ERROR_UNSUPPORTED},
         {"a fetch without size", CONEMAP_ERROR_UNSUPPORTED},
+        {"sectors", CONEMAP_ERROR_UNSUPPORTED},
+        {"shade is a word of the text", CONEMAP_ERROR_PARAMETER},
         {"gathered cells", CONEMAP_ERROR_UNSUPPORTED},
     };
     static char text[65536];
@@ -699,6 +701,11 @@ static void bad_input(void)
             break;
         case 25: desc.shade = "shade"; break;
         case 26: desc.fetch = "fetch"; break;
+        case 27: desc.map.texture.sectors = 4; break;
+        case 28:
+            desc.stage = CONEMAP_FRUSTA_FRAGMENT;
+            desc.shade = "inner";
+            break;
         default:
             desc.dialect = CONEMAP_GLSL_430;
             desc.filter = CONEMAP_FILTER_GATHER;

@@ -39,6 +39,9 @@ refuses build/emit --stage vertex
 works build/emit --kernel quick --generator quick-center --dialect glsl430 --stage compute
 grep -q conemap_quick "$dir/stdout" || say "emit prints no kernel"
 refuses build/emit --kernel relaxed
+works build/emit --effects shadow,depth,uv --stage fragment --dialect vulkan --depth-bound greater
+grep -q conemap_shade "$dir/stdout" || say "emit prints no effects"
+refuses build/emit --effects sparkle
 refuses build/emit --dialect cobol
 refuses build/emit --tracer
 refuses build/emit --stage compute

@@ -83,7 +83,7 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
     d->map.texture.sectors = choice[k++] * 4;
 }
 
-static char text[65536], whole[131072];
+static char text[131072], whole[262144];
 static char (*seen)[20];
 static int seen_count, written, refused, equal;
 static const char *folder;
@@ -104,6 +104,60 @@ static int known(const char *content)
 }
 
 static void put(const char *more) { strcat(whole, more); }
+
+/* The same around conemap_shade: its settings from the outside. */
+static void shade_host(const conemap_shader_desc *d)
+{
+    const unsigned settings = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW |
+                              CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_LOD |
+                              CONEMAP_EFFECT_FADE;
+    const unsigned gradients = CONEMAP_EFFECT_UV | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const int hlsl = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60, c = d->dialect == CONEMAP_C99;
+    const int vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN, set = (d->flags & settings) != 0;
+    const int graded = (d->flags & gradients) != 0;
+    const char *p = d->prefix ? d->prefix : "conemap", *two = hlsl ? "int2" : "ivec2", *four = hlsl ? "int4" : "ivec4";
+    char line[600], call[300];
+    sprintf(call, "%s_shade(%shost_frame, %s", p, set ? "host_effects, " : "", c ? "o, o" : "host_ray, -host_ray");
+    if (d->t_range) strcat(call, c ? ", 0.1f, 2.0f" : ", 0.1, 2.0");
+    if (graded) strcat(call, c ? ", g" : ", host_gradient");
+    if (d->atlas) sprintf(call + strlen(call), c ? ", r" : ", %s(1, 2, 3, 4)", four);
+    if (d->fetch && !d->fixed_size && !d->atlas) sprintf(call + strlen(call), c ? ", s" : ", %s(3, 4)", two);
+    if (d->array) strcat(call, ", 1");
+    strcat(call, ")");
+    if (c) {
+        sprintf(line, "%s%s%s_frame host_frame, %s_vec3 o%s%s%s%s%s%s)", set ? p : "",
+                set ? "_effects host_effects, " : "",
+                p, p, graded ? ", " : "", graded ? p : "", graded ? "_vec4 g" : "",
+                d->atlas        ? ", "
+                : d->fixed_size ? ""
+                                : ", ",
+                d->fixed_size ? "" : p,
+                d->atlas        ? "_ivec4 r"
+                : d->fixed_size ? ""
+                                : "_ivec2 s");
+        put("bool host(");
+        put(line);
+        put(";\nbool host(");
+        put(line);
+        sprintf(line, " {\n    return %s.found;\n}\n", call);
+    } else if (hlsl) {
+        sprintf(line, "cbuffer host_block {\n");
+        if (set) sprintf(line + strlen(line), "    %s_effects host_effects;\n", p);
+        sprintf(line + strlen(line), "    %s_frame host_frame;\n    float4 host_gradient;\n};\n", p);
+        sprintf(line + strlen(line),
+                "float4 main(float3 host_ray : TEXCOORD0) : SV_Target {\n    return float4(%s.box, 1.0);\n}\n",
+                call);
+    } else {
+        sprintf(line, vulkan ? "layout(binding = 11) uniform host_block {\n" : "");
+        if (set) sprintf(line + strlen(line), "%s%s_effects host_effects;\n", vulkan ? "    " : "uniform ", p);
+        sprintf(line + strlen(line), "%s%s_frame host_frame;\n%svec4 host_gradient;\n%s", vulkan ? "    " : "uniform ",
+                p, vulkan ? "    " : "uniform ", vulkan ? "};\n" : "");
+        sprintf(line + strlen(line),
+                "%sin vec3 host_ray;\n%sout vec4 host_color;\nvoid main() {\n    host_color = vec4(%s.box, 1.0);\n}\n",
+                vulkan ? "layout(location = 0) " : "", vulkan ? "layout(location = 0) " : "", call);
+    }
+    put(line);
+}
 
 /* What a host writes around functions, and the functions that it was asked for. */
 static void wrap(const conemap_shader_desc *d)
@@ -137,13 +191,26 @@ static void wrap(const conemap_shader_desc *d)
                 sprintf(line, "uniform highp sampler2D%s %s;\n", d->array ? "Array" : "", name);
             put(line);
         }
+        if (d->flags) {
+            const char *kind = d->array ? "Array" : "", *at = vulkan ? "layout(binding = 12) " : "";
+            if (hlsl)
+                sprintf(line,
+                        "Texture2D%s<float> %s_alpha : register(t12);\nTexture2D<float4> %s_colors : register(t13);\n"
+                        "SamplerState %s_color_sampler : register(s8);\n",
+                        kind, prefix, prefix, prefix);
+            else
+                sprintf(line, "%suniform highp sampler2D%s %s_alpha;\n%suniform highp sampler2D %s_colors;\n", at, kind,
+                        prefix, vulkan ? "layout(binding = 13) " : "", prefix);
+            put(line);
+        }
         if (hlsl) {
             sprintf(line, "SamplerState %s : register(s7);\n", d->prefix ? "plain" : "conemap_sampler");
             put(line);
         }
     }
     put(text);
-    if (functions) {
+    if (functions && d->flags) shade_host(d);
+    if (functions && !d->flags) {
         char call[400];
         sprintf(call, "%s_%s(%s, %s", prefix, d->trace.any_hit ? "any_hit" : "trace",
                 c      ? "o"
@@ -200,11 +267,20 @@ static void wrap(const conemap_shader_desc *d)
                           : c  ? ""
                                : "vec2",
                    *index = d->filter == CONEMAP_FILTER_HARDWARE ? "float i, float j" : "int i, int j";
+        const char *level = d->flags & CONEMAP_EFFECT_LOD ? ", int level" : "";
+        char slices[40];
+        sprintf(slices, "%s%s", slice, level);
+        if (d->flags & CONEMAP_EFFECT_HOLES) {
+            sprintf(line, "float %s_alpha(int i, int j%s) {\n    return %s(i + j%s) * 0.1%s;\n}\n", prefix, slice,
+                    c ? "(float)" : "float", d->array ? " + slice" : "", c ? "f" : "");
+            put(line);
+        }
+        slice = slices;
         if (c && !heights)
             sprintf(line,
-                    "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)i + (float)j%s;\n    "
+                    "%s_vec2 host_fetch(%s%s) {\n    %s_vec2 v;\n    v.x = v.y = (float)i + (float)j%s%s;\n    "
                     "return v;\n}\n",
-                    prefix, index, slice, prefix, d->array ? " + (float)slice" : "");
+                    prefix, index, slice, prefix, level[0] ? " + (float)level" : "", d->array ? " + (float)slice" : "");
         else if (c)
             sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s;\n}\n", index, slice,
                     d->array ? " + (float)slice" : "");
@@ -222,6 +298,7 @@ static void wrap(const conemap_shader_desc *d)
             put(line);
         }
         if (blocks) {
+            slice = d->array ? ", int slice" : "";
             sprintf(line, "float host_maxima(int i, int j, int level%s) {\n    return %s(i + j + level%s);\n}\n",
                     slice, c ? "(float)" : "float", d->array ? " + slice" : "");
             put(line);
@@ -229,7 +306,11 @@ static void wrap(const conemap_shader_desc *d)
     }
 }
 
-static void variant(conemap_dialect dialect, const int *choice)
+static void effects(conemap_dialect dialect, const int *choice, unsigned flags, int bound);
+
+static void variant(conemap_dialect dialect, const int *choice) { effects(dialect, choice, 0, 0); }
+
+static void effects(conemap_dialect dialect, const int *choice, unsigned flags, int bound)
 {
     static const char *const kinds[3] = {"functions", "fragment", "compute"};
     conemap_shader_desc desc;
@@ -238,6 +319,8 @@ static void variant(conemap_dialect dialect, const int *choice)
     size_t size = 0;
     FILE *file;
     fill(&desc, dialect, choice);
+    desc.flags = flags;
+    desc.depth_bound = (conemap_depth_bound)bound;
     result = conemap_emit(&desc, text, sizeof text, &size);
     if (result == CONEMAP_ERROR_UNSUPPORTED) {
         ++refused;
@@ -309,6 +392,37 @@ static void kernels(conemap_dialect dialect)
     }
 }
 
+/* Effects: every one, every pair, everything together, and a sample with other options. */
+static void all_effects(conemap_dialect dialect, int *choice, int sample, struct zoo_random *random)
+{
+    int stage, a, b, k;
+    for (stage = 0; stage < 2; ++stage) {
+        memset(choice, 0, OPTIONS * sizeof *choice);
+        choice[0] = stage;
+        for (a = 0; a < 15; ++a)
+            for (b = a; b < 15; ++b) effects(dialect, choice, 1u << a | 1u << b, 0);
+        for (k = 0; k < 8; ++k) {
+            unsigned most = CONEMAP_EFFECT_ALL_BITS;
+            most &= ~(unsigned)(k & 1 ? CONEMAP_EFFECT_NORMAL : CONEMAP_EFFECT_SMOOTH_NORMAL);
+            most &= ~(unsigned)(k & 2 ? CONEMAP_EFFECT_SHADOW : CONEMAP_EFFECT_SOFT_SHADOW);
+            most &= ~(unsigned)(k & 4 ? CONEMAP_EFFECT_OCCLUSION : CONEMAP_EFFECT_SKY);
+            effects(dialect, choice, most, k % 3);
+            effects(dialect, choice, most, 0);
+        }
+        for (k = 0; k < 3; ++k) effects(dialect, choice, CONEMAP_EFFECT_DEPTH, k);
+    }
+    for (k = 0; k < sample * 40 && sample > 0; ++k) {
+        const int before = written;
+        unsigned flags = 0;
+        for (a = 0; a < OPTIONS; ++a) choice[a] = zoo_below(random, 4) ? 0 : zoo_below(random, options[a].values);
+        choice[1] = zoo_below(random, 4) ? 0 : choice[1]; /* mostly the exact tracer and fetches, which effects want */
+        choice[12] = zoo_below(random, 4) ? 0 : choice[12];
+        for (a = 0; a < 15; ++a) flags |= zoo_below(random, 4) ? 0u : 1u << a;
+        effects(dialect, choice, flags, 0);
+        sample -= written > before;
+    }
+}
+
 int main(int argument_count, char **arguments)
 {
     int choice[OPTIONS], dialect = 0, a, b, x, y, k, sample = argument_count > 3 ? atoi(arguments[3]) : 300;
@@ -336,6 +450,9 @@ int main(int argument_count, char **arguments)
         sample -= written > before;
     }
     kernels((conemap_dialect)dialect);
+    k = written;
+    all_effects((conemap_dialect)dialect, choice, argument_count > 3 ? atoi(arguments[3]) / 3 : 100, &random);
+    printf("%s: %d variants of effects\n", dialects[dialect], written - k);
     printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
