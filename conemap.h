@@ -6312,48 +6312,48 @@ typedef struct conemap__plan_row {
 
 /* Behind each row: how far off its steps are as a mean, on the maps that it was fitted on. */
 static const conemap__plan_row conemap__plan_rows[] = {
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 4.5f,
-     {{{0.000f, 0.000f, 0.943f, 0.016f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}, /* 12 % */
-     {{0.000f, 0.000f, 1.180f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}}}, /* 18 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 5.8f,
-     {{{0.000f, 0.000f, 0.882f, 0.053f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}, /* 10 % */
-     {{0.000f, 0.000f, 1.136f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}}}, /* 16 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 4, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 51.6f,
-     {{{0.000f, 0.000f, 0.704f, 0.134f, 0.127f, 0.000f}, 0.00f, 1.26f, 0.00f, 0.00f}, /* 6 % */
-     {{0.000f, 0.000f, 0.933f, 0.000f, 0.000f, 0.002f}, 0.00f, 1.23f, 0.00f, 0.00f}}}, /* 21 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 8, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 110.3f,
-     {{{0.000f, 0.000f, 0.634f, 0.141f, 0.440f, 0.000f}, 0.00f, 1.39f, 0.00f, 0.00f}, /* 6 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.1f,
+     {{{0.000f, 0.000f, 0.942f, 0.016f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}, /* 12 % */
+     {{0.000f, 0.000f, 1.181f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.00f, 0.00f}}}, /* 18 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.1f,
+     {{{0.000f, 0.000f, 0.882f, 0.052f, 0.000f, 0.000f}, 0.00f, 1.04f, 0.00f, 0.00f}, /* 10 % */
+     {{0.000f, 0.000f, 1.137f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}}}, /* 16 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 4, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 50.4f,
+     {{{0.000f, 0.000f, 0.704f, 0.134f, 0.129f, 0.000f}, 0.00f, 1.25f, 0.00f, 0.00f}, /* 6 % */
+     {{0.000f, 0.000f, 0.934f, 0.000f, 0.000f, 0.002f}, 0.00f, 1.22f, 0.00f, 0.00f}}}, /* 21 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 8, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 109.5f,
+     {{{0.000f, 0.000f, 0.633f, 0.141f, 0.442f, 0.000f}, 0.00f, 1.38f, 0.00f, 0.00f}, /* 6 % */
      {{0.000f, 0.000f, 0.774f, 0.000f, 0.000f, 0.078f}, 0.00f, 1.32f, 0.00f, 0.00f}}}, /* 24 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.8f,
-     {{{0.328f, 0.240f, 0.812f, 0.000f, 0.000f, 0.000f}, 0.19f, 0.21f, 0.00f, 0.00f}, /* 6 % */
-     {{0.000f, 0.000f, 0.424f, 0.000f, 0.000f, 0.479f}, 0.07f, 0.25f, 0.00f, 0.00f}}}, /* 36 % */
+     {{{0.324f, 0.095f, 0.959f, 0.000f, 0.000f, 0.000f}, 0.17f, 0.20f, 0.00f, 0.00f}, /* 6 % */
+     {{0.000f, 0.000f, 0.436f, 0.000f, 0.000f, 0.475f}, 0.08f, 0.22f, 0.00f, 0.00f}}}, /* 36 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0.9f,
-     {{{0.000f, 1.386f, 0.000f, 0.048f, 0.000f, 1.339f}, 2.36f, 0.19f, 0.00f, 0.00f}, /* 5 % */
+     {{{0.000f, 1.386f, 0.000f, 0.048f, 0.000f, 1.339f}, 2.16f, 0.21f, 0.00f, 0.00f}, /* 5 % */
      {{0.000f, 0.000f, 1.596f, 0.000f, 0.000f, 1.184f}, 0.00f, 0.44f, 0.00f, 0.00f}}}, /* 14 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1.5f,
-     {{{0.000f, 0.000f, 0.776f, 0.120f, 0.000f, 0.000f}, 0.00f, 1.01f, 0.298f, 17.5f}, /* 7 % */
-     {{0.000f, 0.417f, 0.324f, 0.576f, 0.000f, 0.000f}, 0.00f, 1.16f, 0.450f, 28.4f}}}, /* 7 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 1, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.4f,
-     {{{0.000f, 0.000f, 0.917f, 0.000f, 0.000f, 0.000f}, 0.20f, 0.99f, 0.125f, 8.70f}, /* 10 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1.0f,
+     {{{0.000f, 0.000f, 0.776f, 0.120f, 0.000f, 0.000f}, 0.00f, 0.98f, 0.298f, 17.5f}, /* 7 % */
+     {{0.000f, 0.417f, 0.324f, 0.576f, 0.000f, 0.000f}, 0.00f, 1.14f, 0.450f, 28.4f}}}, /* 7 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 1, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.0f,
+     {{{0.000f, 0.000f, 0.917f, 0.000f, 0.000f, 0.000f}, 0.11f, 1.00f, 0.125f, 8.70f}, /* 10 % */
      {{0.000f, 0.000f, 1.162f, 0.000f, 0.000f, 0.000f}, 0.01f, 0.84f, 0.0177f, 1.21f}}}, /* 17 % */
     {CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 0.9f,
-     {{{0.000f, 0.000f, 0.743f, 0.378f, 0.000f, 0.000f}, 0.13f, 0.93f, 0.209f, 6.15f}, /* 12 % */
+     {{{0.000f, 0.000f, 0.743f, 0.378f, 0.000f, 0.000f}, 0.06f, 0.94f, 0.209f, 6.15f}, /* 12 % */
      {{0.000f, 0.000f, 0.525f, 1.130f, 0.000f, 0.000f}, 0.00f, 1.13f, 0.430f, 26.1f}}}, /* 11 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.5f,
-     {{{0.000f, 0.092f, 0.643f, 0.115f, 0.000f, 0.000f}, 0.00f, 1.00f, 0.507f, 58.0f}, /* 7 % */
-     {{0.000f, 0.000f, 0.712f, 0.336f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.749f, 52.3f}}}, /* 12 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0, 1.5f,
-     {{{0.000f, 0.381f, 0.335f, 0.030f, 0.000f, 0.000f}, 0.71f, 0.69f, 0.832f, 131.f}, /* 10 % */
-     {{0.000f, 0.828f, 0.059f, 0.029f, 0.248f, 0.000f}, 0.27f, 0.97f, 0.803f, 55.2f}}}, /* 14 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_CELL_MAX, CONEMAP_REFINE_SECANT, 0, 1.0f,
+     {{{0.000f, 0.092f, 0.643f, 0.115f, 0.000f, 0.000f}, 0.00f, 0.99f, 0.507f, 58.0f}, /* 7 % */
+     {{0.000f, 0.000f, 0.712f, 0.336f, 0.000f, 0.000f}, 0.00f, 1.04f, 0.749f, 52.3f}}}, /* 12 % */
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0, 1.0f,
+     {{{0.000f, 0.381f, 0.335f, 0.030f, 0.000f, 0.000f}, 0.89f, 0.66f, 0.832f, 131.f}, /* 10 % */
+     {{0.000f, 0.828f, 0.059f, 0.029f, 0.248f, 0.000f}, 0.29f, 0.98f, 0.803f, 55.2f}}}, /* 14 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0.9f,
-     {{{1.642f, 1.443f, 0.000f, 0.000f, 0.000f, 0.554f}, 0.08f, 0.45f, 0.125f, 10.3f}, /* 6 % */
+     {{{1.642f, 1.443f, 0.000f, 0.000f, 0.000f, 0.554f}, 0.51f, 0.43f, 0.125f, 10.3f}, /* 6 % */
      {{0.000f, 0.000f, 1.487f, 0.000f, 0.000f, 1.109f}, 0.00f, 0.55f, 0.0193f, 1.10f}}}, /* 15 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200, 0.9f,
-     {{{0.000f, 0.000f, 0.000f, 3.023f, 160.348f, 0.000f}, 3.73f, 0.15f, 0.691f, 43.3f}, /* 4 % */
+     {{{0.000f, 0.000f, 0.000f, 3.023f, 160.348f, 0.000f}, 2.23f, 0.17f, 0.691f, 43.3f}, /* 4 % */
      {{0.000f, 0.000f, 2.156f, 0.000f, 142.546f, 0.000f}, 0.00f, 0.28f, 9.29f, 242.f}}}, /* 12 % */
     {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32, 0.9f,
-     {{{0.000f, 0.000f, 0.000f, 0.532f, 26.184f, 0.000f}, 1.77f, 0.15f, 0.558f, 55.5f}, /* 4 % */
-     {{0.000f, 0.000f, 0.538f, 0.000f, 22.164f, 0.000f}, 0.58f, 0.36f, 2.91f, 107.f}}}, /* 11 % */
+     {{{0.000f, 0.000f, 0.000f, 0.532f, 26.184f, 0.000f}, 1.58f, 0.17f, 0.558f, 55.5f}, /* 4 % */
+     {{0.000f, 0.000f, 0.538f, 0.000f, 22.164f, 0.000f}, 0.57f, 0.37f, 2.91f, 107.f}}}, /* 11 % */
 };
 enum { CONEMAP__PLAN_ROWS = sizeof conemap__plan_rows / sizeof conemap__plan_rows[0] };
 
