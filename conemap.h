@@ -313,7 +313,7 @@ typedef struct conemap_desc {
     conemap_guarantee guarantee; /* CONEMAP_EXACT: VERTEX or BILINEAR; others: VERTEX where it is what they give.
                                0: BILINEAR with CONEMAP_EXACT, else what the generator gives */
     float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), in exchange for time;
-                               0: exact. Up to 16 */
+                               0: exact, and so is what is below 0.5, for that would save nothing. Up to 16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
     int ring_limit;         /* RING, RELAXED, RELAXED_SAMPLED, HYBRID: look at most so many texels far, which leaves
@@ -3262,12 +3262,15 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on the order, which is
    always this one: a job's tiles row by row. */
 
+#define CONEMAP__LEAST_SLACK 0.5f /* to fold bounds in takes more time than less slack spares */
+
 static conemap__search conemap__make_search(const conemap_map *map) {
+    const float slack = map->build.desc.slack;
     conemap__search search;
     memset(&search, 0, sizeof search);
     search.a = map->build.search_u;
     search.b = map->build.search_v;
-    search.widen2 = (1.0f + map->build.desc.slack) * (1.0f + map->build.desc.slack);
+    search.widen2 = slack < CONEMAP__LEAST_SLACK ? 1.0f : (1.0f + slack) * (1.0f + slack);
     return search;
 }
 
@@ -14786,6 +14789,13 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__RUN
 #undef CONEMAP__NEAR
 #undef CONEMAP__TILE
+#undef CONEMAP__LEAST_SLACK
+#undef CONEMAP__TINY
+#undef CONEMAP__SIGHT_REACH
+#undef CONEMAP__SIGHTS
+#undef CONEMAP__GIVEN
+#undef CONEMAP__FINEST
+#undef CONEMAP__EIGHTHS
 #undef CONEMAP__NOTED
 #undef CONEMAP__TANGENT_MARGIN
 #undef CONEMAP__KNOWN
