@@ -1,8 +1,8 @@
 /* conemap.h - relief from heightmaps through cone maps, in one header. C99 and C++11, no dependencies.
 
    Hand it a heightmap; it builds a cone map (on every texel an empty cone, [Dum06], by default safe to interpolate),
-   writes it as a texture, traces rays through the relief on the CPU (picking, line of sight, baking), writes the shaders
-   that do the same on a GPU, and skins skeletons with relief-mapped conical frusta.
+   writes it as a texture, traces rays through the relief on the CPU (picking, line of sight, baking), writes the
+   shaders that do the same on a GPU, and skins skeletons with relief-mapped conical frusta.
 
    In ONE source file:                          Everywhere else:
 
@@ -125,16 +125,17 @@ extern "C" {
    sqrt(du^2 + (aspect dv)^2): aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
 
    Cones are built from the heights as the texture will hold them (decoded and quantised) and rounded down,
-   so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones are
-   1 / sqrt(s), less 2^-20 of themselves for the rounding of their arithmetic, where s is the maximum over vertices of the
-   rounded quotient fl(dh^2 / d^2). Bilinear cones come from bounds at most 5.4 % above the true supremum, less 2^-16 (see
-   SAFE CONES); with sectors, less 2^-12. max_tan caps all of them.
+   so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones
+   are 1 / sqrt(s), less 2^-20 of themselves for the rounding of their arithmetic, where s is the maximum over vertices
+   of the rounded quotient fl(dh^2 / d^2). Bilinear cones come from bounds at most 5.4 % above the true supremum, less
+   2^-16 (see SAFE CONES); with sectors, less 2^-12. max_tan caps all of them.
 
    A miss, for a tracer, is a ray above which the true surface rises by more than 2^-20 somewhere before the hit that is
-   reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have none.
+   reported. CONEMAP_TRACE_EXACT over cones with the bilinear guarantee, in any format, and CONEMAP_TRACE_MAXMIP have
+   none.
 
-   Bits. Results are the same to the bit however the work is split into jobs and whatever instruction set does it, on every
-   strict IEEE build.
+   Bits. Results are the same to the bit however the work is split into jobs and whatever instruction set does it, on
+   every strict IEEE build.
 
    Threads. There is no mutable global. A finished map is read-only: any number of threads may trace it.
    ====================================================================================================== */
@@ -283,12 +284,13 @@ typedef struct conemap_texture {
     conemap_layout layout;
     int flip_dv;            /* CONEMAP_DUMMER: nonzero negates dh/dv, for v pointing up */
     int per_cell;           /* nonzero: one cone for each bilinear cell, wider and fetched without filtering: texel
-                               floor(uv * size - 0.5), clamped or wrapped. For the bilinear guarantee; not with RADIUS */
+                               floor(uv * size - 0.5), clamped or wrapped. For the bilinear guarantee; not with
+                               RADIUS */
     int sectors;            /* 0 or 1: a cone for all directions. 4 or 8: one for each sector of horizontal directions,
-                               which holds nothing in the directions of its sector (see conemap_sector): wider, for a ray
-                               meets nothing else. In sectors / 4 RGBA textures, the heights in one of their own. With
-                               CONEMAP_EXACT; not with CONEMAP_DUMMER. Steps of grazing rays, of those with 1: 4 takes
-                               0.5 to 0.8, 8 takes 0.4 to 0.7; on white noise both 0.97 */
+                               which holds nothing in the directions of its sector (see conemap_sector): wider, for a
+                               ray meets nothing else. In sectors / 4 RGBA textures, the heights in one of their own.
+                               With CONEMAP_EXACT; not with CONEMAP_DUMMER. Steps of grazing rays, of those with 1: 4
+                               takes 0.5 to 0.8, 8 takes 0.4 to 0.7; on white noise both 0.97 */
 } conemap_texture;
 
 /* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
@@ -320,8 +322,8 @@ typedef struct conemap_desc {
                                the later batches out [BV24 section 5] and drops the guarantee; 0: no limit */
     float hybrid_weight;    /* CONEMAP_HYBRID: 0..1 from conservative to relaxed; 0: 0.5 */
     int keep_pyramid;       /* nonzero: keep the maxima that CONEMAP_TRACE_MAXMIP and _QDM need */
-    int keep_search;        /* nonzero: keep what lets conemap_update take time by the edit and not by the map; 1.4 bytes
-                               a texel. Of use where conemap_update searches a part only */
+    int keep_search;        /* nonzero: keep what lets conemap_update take time by the edit and not by the map; 1.4
+                               bytes a texel. Of use where conemap_update searches a part only */
 
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
     void *memory;           /* caller-owned memory for the map; null: allocate. Must outlive the map */
@@ -362,8 +364,8 @@ typedef struct conemap_pyramid {
     float *level[17];       /* level[0] may be null: computed when asked for */
 } conemap_pyramid;
 
-/* A cone map. Read-only for the caller; free it with conemap_free. A plain struct, which may be copied or moved: free one
-   copy only. */
+/* A cone map. Read-only for the caller; free it with conemap_free. A plain struct, which may be copied or moved: free
+   one copy only. */
 typedef struct conemap_map {
     conemap_info info;
     const float *heights;   /* width * height, row 0 first, as a texture fetch returns them */
@@ -381,14 +383,15 @@ typedef struct conemap_map {
         conemap_pyramid texels; /* maxima over texels, while building */
         conemap_pyramid falling[4]; /* and over the cells that fall to the right or left, and down or up */
         float *heights, *cones, *plane;
-        float *cell_slopes;     /* bilinear guarantee: squared slopes inside cells, while `plane` has those from vertices */
+        float *cell_slopes;     /* bilinear guarantee: squared slopes inside cells, while `plane` has those from
+                                   vertices */
         float texel_u, texel_v; /* a texel's size, aspect included */
         float search_u, search_v; /* the same as the search for cones counts it */
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         unsigned char *wanted;  /* while updating: what to do with each texel */
-        float *survey;          /* with keep_search, two numbers for each block of CONEMAP__BAND^2 texels and each sector:
-                                   see conemap__surveyed */
+        float *survey;          /* with keep_search, two numbers for each block of CONEMAP__BAND^2 texels and each
+                                   sector: see conemap__surveyed */
         int updating, keeps_search;
         int pass_jobs[8];
     } build;
@@ -496,7 +499,8 @@ CONEMAP_API conemap_result conemap_memory(const conemap_desc *desc, size_t *memo
 CONEMAP_API conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
                                           int height);
 
-/* Nonzero if a desc may ask for this instruction set here. Asks the processor, which takes a while in virtual machines. */
+/* Nonzero if a desc may ask for this instruction set here. Asks the processor, which takes a while in virtual
+   machines. */
 CONEMAP_API int conemap_isa_available(conemap_isa isa);
 /* Its name: a constant string, never null, also for values outside the enum. */
 CONEMAP_API const char *conemap_isa_name(conemap_isa isa);
@@ -561,8 +565,8 @@ CONEMAP_API conemap_result conemap_load_info(const void *bytes, size_t size, con
 
 /* Loads baked bytes as a map to sample and trace; the bytes are copied.
    desc: may be null; its allocator, memory, keep_pyramid, keep_search and isa are used, and its heights, if given, are
-   compared with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and those
-   of conemap_build; on any of them *map is zeroed. */
+   compared with the hash (a must for CONEMAP_CONE_ONLY, which holds none). Errors: FILE_..., HASH, NO_HEIGHTS, and
+   those of conemap_build; on any of them *map is zeroed. */
 CONEMAP_API conemap_result conemap_load(const void *bytes, size_t size, const conemap_desc *desc,
                                         conemap_map *map);
 
@@ -609,12 +613,12 @@ typedef struct conemap_report {
    apices against whole rectangles of the surface, not by sampling. A cell is safe if for every apex p in it and
    every point q of the surface
        (height(q) - height(p) - 2^-20) tan(p) <= |q - p|
-   with tan(p) as conemap_sample_at gives it, but for that sampler's rounding, which the 2^-20 is there for. With sectors,
-   each sector's tan(p) has to hold for those q that it sees; with 8 of them and CLAMP or an axis of one texel, for
-   those that its quadrant sees where p or q lies in a border cell.
+   with tan(p) as conemap_sample_at gives it, but for that sampler's rounding, which the 2^-20 is there for. With
+   sectors, each sector's tan(p) has to hold for those q that it sees; with 8 of them and CLAMP or an axis of one texel,
+   for those that its quadrant sees where p or q lies in a border cell.
 
-   info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each (cones:
-   as many planes as sectors),
+   info: width, height, wrap_u, wrap_v, aspect, max_tan and texture are read. heights, cones: width * height each
+   (cones: as many planes as sectors),
    row 0 first, as a texture fetch returns them (cones encoded), of our maps or of anybody's:
        conemap_verify(&map.info, map.heights, map.cones, NULL, &report);
    allocator: null for the default; under 2 bytes a texel (up to 9 on maps of one row or column) are held.
@@ -656,11 +660,12 @@ typedef struct conemap_plan_desc {
     float lowest_elevation; /* degrees above the ground of the flattest rays; steeper ones are taken to be as many at
                                every angle. 0: 5. 0.5..90 */
     float max_missed;       /* share of rays that may miss their first hit, 0..1; 0: no bound by misses */
-    float max_error;        /* mean error of the hits, in texels along the ray; 0: no bound by error. If neither is given,
-                               nothing may be missed and hits are exact */
+    float max_error;        /* mean error of the hits, in texels along the ray; 0: no bound by error. If neither is
+                               given, nothing may be missed and hits are exact */
     float max_steps;        /* budget of steps a ray, as a mean; 0: none */
     float max_time;         /* budget of time a ray, in steps of the default tracer over the default cones; 0: none */
-    float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is free */
+    float rays_per_build;   /* how many rays a build is for: few where heights change every frame; 0: its time is
+                               free */
     int no_prepared;        /* nonzero: conemap_trace or a shader traces, not conemap_trace_prepared */
     int no_sectors;         /* nonzero: one cone a texel, which is one texture instead of two or three */
     const conemap_heights *heights; /* only read. Null, or those of the statistics: what may miss is tried on them */
@@ -681,7 +686,8 @@ typedef struct conemap_planned {
     float time;             /* of a ray, in steps of the default tracer over the default cones */
     float build_time;       /* of the map, in the same */
     float missed, error;    /* at most: share of rays, mean texels along the ray */
-    int within_budget;      /* zero: nothing that is tolerated fits the budgets; this is the quickest that is tolerated */
+    int within_budget;      /* zero: nothing that is tolerated fits the budgets; this is the quickest that is
+                               tolerated */
 } conemap_planned;
 
 /* Chooses generator, guarantee, format, tracer, refinement and step cap: the cheapest that the tolerances allow, by a
@@ -712,9 +718,9 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
    P R E P A R E D   T R A C I N G
 
    The same hits, many rays at a time: the map's surface gets a table of its own, 8 bytes for each bilinear cell, from
-   which a ray reads how far it may fly into its quadrant; it then needs no cones. Rays are traced side by side, one in each
-   lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction set nor on
-   which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
+   which a ray reads how far it may fly into its quadrant; it then needs no cones. Rays are traced side by side, one in
+   each lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction
+   set nor on which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
    ====================================================================================================== */
 
 typedef struct conemap_prepare_desc {
@@ -753,7 +759,8 @@ typedef struct conemap_hit_arrays { /* any may be null: not wanted */
     float *t, *u, *v, *z;
 } conemap_hit_arrays;
 
-/* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses nothing.
+/* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses
+   nothing.
    map: stays where it is while *prepared is in use; after conemap_update, prepare again. desc: null for the defaults.
    prepared: overwritten; zeroed unless OK. Takes the table and, during the call, about twice as much again from the
    allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW (also of an axis beyond 2^21 texels), MEMORY, BUFFER,
@@ -812,27 +819,29 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
 
        conemap_shading s = conemap_shade(effects, frame, origin, direction);   // a ray of the world
 
-   with more arguments in this order: t_min, t_max (t_range); gradient (UV, LOD, FADE); rect (atlas); size (a host's fetch);
-   slice (array). `effects` is there if one of the flags has settings. The structs are written in the text; fields are
-   those of EFFECTS below, but nothing is 0 for a default, and
+   with more arguments in this order: t_min, t_max (t_range); gradient (UV, LOD, FADE); rect (atlas); size (a host's
+   fetch); slice (array). `effects` is there if one of the flags has settings. The structs are written in the text;
+   fields are those of EFFECTS below, but nothing is 0 for a default, and
      - a frame's aspect is the map's; depth is the height scale, level the z of the surface: both may change per draw;
-     - effects.light ends with 0 for a direction, 1 for a position; clip_z and clip_w are the rows of the matrix that make
-       z and w of the clip position, for depth z / w; where depth is 0.5 + 0.5 z / w (GL's default) hand (z + w) / 2 as clip_z.
-       Reversed and infinite projections are in the matrix;
-     - HOLES read a texture conemap_alpha (one channel, a texel for each of the map's; in GL a host's fetch is joined by its
-       float conemap_alpha(i, j)), a texel is a hole below alpha_cut, (128 - 0.5) / 255 for the CPU's default;
+     - effects.light ends with 0 for a direction, 1 for a position; clip_z and clip_w are the rows of the matrix that
+       make z and w of the clip position, for depth z / w; where depth is 0.5 + 0.5 z / w (GL's default) hand (z + w) /
+       2 as clip_z. Reversed and infinite projections are in the matrix;
+     - HOLES read a texture conemap_alpha (one channel, a texel for each of the map's; in GL a host's fetch is joined by
+       its float conemap_alpha(i, j)), a texel is a hole below alpha_cut, (128 - 0.5) / 255 for the CPU's default;
      - LOD reads mip k of the map's textures as level k (conemap_build_levels); a host's fetch gets the level last;
      - UV also writes conemap_color(shading), which samples the texture conemap_colors by textureGrad or SampleGrad.
    What is found is shaded; where the step cap of LOD ends a ray, it is found and shaded where it is. CURVED, LOD, HOLES
-   and both shadows and SKY need the EXACT tracer, FETCH and cones that are not relaxed; normals and OCCLUSION FETCH; LOD
-   neither fixed_size nor atlas; else UNSUPPORTED, as with any_hit, steps, status, run_time_cap, COMPUTE and cones of sectors.
+   and both shadows and SKY need the EXACT tracer, FETCH and cones that are not relaxed; normals and OCCLUSION FETCH;
+   LOD neither fixed_size nor atlas; else UNSUPPORTED, as with any_hit, steps, status, run_time_cap, COMPUTE and cones
+   of sectors.
 
-   FRAGMENT with effects gets per vertex: conemap_origin (the viewer) and conemap_direction (from there to the vertex, so
-   t = 1 at the surface), conemap_frame_tangent, _bitangent and _normal, conemap_point (the vertex in the world), conemap_uv;
-   in HLSL TEXCOORD0..6 in this order. Uniforms (Vulkan: the block conemap_block behind the textures; HLSL: cbuffer b at
-   `binding`): conemap_settings (the effects), conemap_shape (uv_scale, depth, level), conemap_curvature, and the arguments.
-   Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked for;
-   and the depth. Fragments that hit nothing are discarded.
+   FRAGMENT with effects gets per vertex: conemap_origin (the viewer) and conemap_direction (from there to the vertex,
+   so t = 1 at the surface), conemap_frame_tangent, _bitangent and _normal, conemap_point (the vertex in the world),
+   conemap_uv; in HLSL TEXCOORD0..6 in this order. Uniforms (Vulkan: the block conemap_block behind the textures; HLSL:
+   cbuffer b at `binding`): conemap_settings (the effects), conemap_shape (uv_scale, depth, level), conemap_curvature,
+   and the arguments.
+   Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked
+   for; and the depth. Fragments that hit nothing are discarded.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
@@ -862,8 +871,9 @@ typedef enum conemap_stage {
 
 typedef enum conemap_filter { /* how the surface between texels is read */
     CONEMAP_FILTER_FETCH = 0,    /* four texel fetches, interpolated in the shader */
-    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits; cones of sectors are fetched all the same. Not
-                                    GLSL 330 and ES 300; the sampler wraps as the map does (edge for CLAMP and NOTHING) */
+    CONEMAP_FILTER_GATHER,       /* one gather per channel, the same bits; cones of sectors are fetched all the same.
+                                    Not GLSL 330 and ES 300; the sampler wraps as the map does (edge for CLAMP and
+                                    NOTHING) */
     CONEMAP_FILTER_HARDWARE,     /* the texture unit's own filter: fast, 8-bit weights. Not for EXACT, MAXMIP, QDM */
     CONEMAP_FILTER_COUNT
 } conemap_filter;
@@ -884,8 +894,8 @@ typedef enum conemap_depth_bound { /* a promise that keeps early depth tests: se
 typedef struct conemap_shader_desc {
     conemap_dialect dialect;
     conemap_stage stage;
-    conemap_trace_desc trace;  /* as on the CPU, with bounded loops: max_steps 0: LINEAR 200, LOOP 20, others as many as a
-                                  ray can need that does not wrap, and 16 times that if it does. any_hit: EXACT and
+    conemap_trace_desc trace;  /* as on the CPU, with bounded loops: max_steps 0: LINEAR 200, LOOP 20, others as many as
+                                  a ray can need that does not wrap, and 16 times that if it does. any_hit: EXACT and
                                   MAXMIP; the function is then `bool conemap_any_hit(...)` */
     conemap_info map;          /* what the texture holds: a built map's info, or zero: clamped, (height, tan), f32,
                                   bilinear guarantee, aspect 1, max_tan 1. generator, slack and hash don't matter */
@@ -911,9 +921,9 @@ typedef struct conemap_shader_desc {
     const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
     const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
     const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
-                                  map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height and
-                                  stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float NAME(...)`.
-                                  Plus slice with array. Not with GATHER; with HARDWARE not per_cell */
+                                  map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height
+                                  and stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float
+                                  NAME(...)`. Plus slice with array. Not with GATHER; with HARDWARE not per_cell */
     const char *fetch_cones;   /* sectors, with fetch: the stored cone, `float NAME(int i, int j, int sector)`, or with
                                   HARDWARE `float NAME(float u, float v, int sector)` */
     const char *fetch_maxima;  /* MAXMIP, QDM: the same for the maxima, `float NAME(int i, int j, int level)` */
@@ -924,46 +934,49 @@ typedef struct conemap_shader_desc {
 /* Writes a shader.
    text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
-   Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER (a
-   number out of range; a name that is no identifier, equals another or is a word of the text itself); UNSUPPORTED (the
-   dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates nothing. */
+   Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
+   (a number out of range; a name that is no identifier, equals another or is a word of the text itself); UNSUPPORTED
+   (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
+   nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
 
 /* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
    conemap_maxima_levels returns n + 1 (0: no map); level k has 2^(n - k) texels on a side. conemap_write_maxima writes
-   one level as f32, rows touching; blocks beyond the map hold 0. The map must have been built with keep_pyramid. Errors:
-   NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
+   one level as f32, rows touching; blocks beyond the map hold 0. The map must have been built with keep_pyramid.
+   Errors: NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
-/* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them. Every
-   pass reads textures and writes one value for each texel of one, so it can be a compute dispatch or, for WebGL 2 and
-   ES 3.0, a full-screen draw (the viewport is the pass's width x height). The state is a one-channel f32 texture, in two
-   copies that passes read and write by turns; before the first pass the one that it reads holds 0. The maxima are one more,
-   a square of 2^n texels that holds the map, with n levels below it, the smallest of one texel: over texels for generation,
-   over bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
+/* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them.
+   Every pass reads textures and writes one value for each texel of one, so it can be a compute dispatch or, for WebGL 2
+   and ES 3.0, a full-screen draw (the viewport is the pass's width x height). The state is a one-channel f32 texture,
+   in two copies that passes read and write by turns; before the first pass the one that it reads holds 0. The maxima
+   are one more, a square of 2^n texels that holds the map, with n levels below it, the smallest of one texel: over
+   texels for generation, over bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
 
-   With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, to within
-   float rounding, and where that makes conservative ones never wider; else, with the SAFE pass, cones with
+   With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, to
+   within float rounding, and where that makes conservative ones never wider; else, with the SAFE pass, cones with
    CONEMAP_GUARANTEE_BILINEAR. Source: [VB22], and the branch and bound of CONEMAP_EXACT. */
 typedef enum conemap_kernel {
     CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
                                 and the state, writes the state */
     CONEMAP_KERNEL_MIN3X3,   /* of each 3x3 block the narrowest cone [BV24 eq. 2]: state to state */
-    CONEMAP_KERNEL_SAFE,     /* vertex cones made safe for the bilinear surface, at once and not tightly: the steepest slope
-                                of the 3x3 block times sqrt(2) on square texels, more on long ones. About 62 % of the
-                                vertex cones' width is left on the test maps. Needs the heights and the state, writes the
-                                state */
-    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down, with the heights and slopes of its layout */
+    CONEMAP_KERNEL_SAFE,     /* vertex cones made safe for the bilinear surface, at once and not tightly: the steepest
+                                slope of the 3x3 block times sqrt(2) on square texels, more on long ones. About 62 % of
+                                the vertex cones' width is left on the test maps. Needs the heights and the state,
+                                writes the state */
+    CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down, with the heights and slopes of its
+                                layout */
     CONEMAP_KERNEL_CELLS,    /* level 0 of the maxima over bilinear cells: needs the heights */
     CONEMAP_KERNEL_TEXELS,   /* level 0 of the maxima over texels: needs the heights */
-    CONEMAP_KERNEL_MAXIMA,   /* any further level: needs those below, and shall see no other where an API forbids to read
-                                a texture that is written (a draw of OpenGL: TEXTURE_MAX_LEVEL; a view elsewhere) */
-    CONEMAP_KERNEL_QUICK,    /* [VB22]: Algorithm 2, or 1 or the centre heuristic by desc->map.generator, the diagonals of
-                                2 mended. Needs the heights and the maxima over texels, writes the state */
-    CONEMAP_KERNEL_EXACT,    /* steepest slope, squared, to texels of blocks first..last of `level`, counted row by row, by
-                                branch and bound, nearest blocks first: needs the heights, the maxima over texels and the
-                                state, writes the state */
+    CONEMAP_KERNEL_MAXIMA,   /* any further level: needs those below, and shall see no other where an API forbids to
+                                read a texture that is written (a draw of OpenGL: TEXTURE_MAX_LEVEL; a view
+                                elsewhere) */
+    CONEMAP_KERNEL_QUICK,    /* [VB22]: Algorithm 2, or 1 or the centre heuristic by desc->map.generator, the diagonals
+                                of 2 mended. Needs the heights and the maxima over texels, writes the state */
+    CONEMAP_KERNEL_EXACT,    /* steepest slope, squared, to texels of blocks first..last of `level`, counted row by row,
+                                by branch and bound, nearest blocks first: needs the heights, the maxima over texels and
+                                the state, writes the state */
     CONEMAP_KERNEL_COUNT
 } conemap_kernel;
 
@@ -971,17 +984,18 @@ typedef enum conemap_kernel {
 typedef struct conemap_gpu_pass {
     conemap_kernel kernel;
     int first, last;     /* RING, EXACT: the arguments conemap_first and conemap_last */
-    int level;           /* CELLS, TEXELS, MAXIMA: the level that is written; MAXIMA, EXACT: the argument conemap_level */
+    int level;           /* CELLS, TEXELS, MAXIMA: the level that is written; MAXIMA, EXACT: the argument
+                            conemap_level */
     int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture; writes 3: a level of the maxima */
     int width, height;   /* of what is written, in texels */
     int groups_x, groups_y; /* of 8 x 8 threads */
 } conemap_gpu_pass;
 
-/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture, generator), fixed_size, prefix, binding, set,
-   sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state), maxima_name,
-   precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima; other fields are
-   ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any, and in GLSL what is
-   written. Not for maps with sectors. FUNCTIONS are
+/* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture, generator), fixed_size, prefix, binding,
+   set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
+   maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
+   other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
+   and in GLSL what is written. Not for maps with sectors. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -995,12 +1009,13 @@ typedef struct conemap_gpu_pass {
 CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
                                                size_t capacity, size_t *size);
 
-/* The passes that make a map of desc->map.width x height by desc->map.generator (0 and EXACT: branch and bound; RING; the
-   four QUICK ones): MIN3X3 among them if desc->map.min3x3 is set, SAFE unless desc->map.guarantee is VERTEX or NONE. With
-   desc->trace.tracer MAXMIP or QDM: the passes that make the maxima which these read. batch: texels and blocks that
-   one invocation looks at in a pass at the worst, so that no dispatch runs long; 0: 4096. RING stops early and EXACT prunes,
-   so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE, PARAMETER (batch below 0),
-   UNSUPPORTED (other generators, sectors), BUFFER (capacity below the count; nothing is written). */
+/* The passes that make a map of desc->map.width x height by desc->map.generator (0 and EXACT: branch and bound; RING;
+   the four QUICK ones): MIN3X3 among them if desc->map.min3x3 is set, SAFE unless desc->map.guarantee is VERTEX or
+   NONE. With desc->trace.tracer MAXMIP or QDM: the passes that make the maxima which these read. batch: texels and
+   blocks that one invocation looks at in a pass at the worst, so that no dispatch runs long; 0: 4096. RING stops early
+   and EXACT prunes, so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE,
+   PARAMETER (batch below 0), UNSUPPORTED (other generators, sectors), BUFFER (capacity below the count; nothing is
+   written). */
 CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
                                               int *count);
 
@@ -1027,8 +1042,8 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    Every frustum is a solid, closed by its cutting planes, and the skeleton is their union, so nothing is ever seen
    through a joint. Where a segment ends freely that plane is a cap. Of the segments that leave a joint the thickest
    (among equals the straightest, then the first) continues its parent: both are cut by one plane, the medial plane
-   construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend` can mix with
-   the parent's. Which is which is settled by the joints as built, and stays.
+   construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend`
+   can mix with the parent's. Which is which is settled by the joints as built, and stays.
 
    Limits. At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]; see fit_steps),
    and u agrees exactly at u = 0 alone; elsewhere it is off by about taper times bend (in the tests, with segments that
@@ -1230,7 +1245,8 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
        conemap_emit_frusta(&shader, text, size, NULL);
 
    FUNCTIONS to paste are
-       conemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max)
+       conemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float
+       t_max)
        conemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye)   what a pixel of the bounds sees; t
                                                          counts from the eye, for parallel rays from the bounds
        vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
@@ -1247,7 +1263,8 @@ typedef enum conemap_frusta_stage {
     CONEMAP_FRUSTA_STAGE_COUNT
 } conemap_frusta_stage;
 
-typedef enum conemap_frusta_source { /* what the frusta are read from, always as integers (floats can lose small ones) */
+typedef enum conemap_frusta_source { /* what the frusta are read from, always as integers (floats can lose small
+                                        ones) */
     CONEMAP_FRUSTA_DEFAULT = 0,  /* BUFFER, but TEXELS in GLSL 330 and HLSL 5.0, TEXTURE in ES */
     CONEMAP_FRUSTA_BUFFER,       /* storage buffer (std430), structured buffer. Not GLSL 330, ES 300, HLSL 5.0 (some of
                                     its compilers refuse them beside SV_Depth) */
@@ -1289,8 +1306,9 @@ typedef struct conemap_frusta_shader_desc {
     const char *fetch_frusta;    /* FUNCTIONS: row 0..8 of a frustum, `ivec4 NAME(int frustum, int row)` */
 } conemap_frusta_shader_desc;
 
-/* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or ends
-   with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors. Thread-safe, allocates nothing. */
+/* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or
+   ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors. Thread-safe, allocates
+   nothing. */
 CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text, size_t capacity,
                                                size_t *size);
 
@@ -1310,9 +1328,9 @@ CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc 
    ====================================================================================================== */
 
 /* The effects, bit by bit. Cost: time on the CPU relative to conemap_trace with the defaults, whose own is 1; `make
-   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. conemap_emit writes each as a shader too:
-   `make check CHECK=effects` counts the instructions that it adds, and its time on a software GPU, which is the CPU's
-   or less for all but HOLES (0.7) and SKY (6 for each direction). */
+   bench BENCH=effect` measures it. Any effect at all costs 0.04 for the frame. conemap_emit writes each as a shader
+   too: `make check CHECK=effects` counts the instructions that it adds, and its time on a software GPU, which is the
+   CPU's or less for all but HOLES (0.7) and SKY (6 for each direction). */
 typedef enum conemap_effect {
     /* -- how rays are traced -- */
     CONEMAP_EFFECT_CLIP = 1 << 0,        /* the relief ends at a rectangle of uv. Nothing */
@@ -1489,8 +1507,8 @@ typedef struct conemap_shading {
 
    Shadows and sky see the relief only, at the traced level and depth, from 2^-20 above the hit. A light's disc is
    cut by the horizons in five directions across it, and more where two differ by much: no dithering, no banding; off
-   by 0.004 on average, 0.03 at worst, of an area light's 800 rays (tests/effects.c). Hard shadows: of 10^7 rays followed
-   in double precision none leaks and none is false (tests/long/shadows.c).
+   by 0.004 on average, 0.03 at worst, of an area light's 800 rays (tests/effects.c). Hard shadows: of 10^7 rays
+   followed in double precision none leaks and none is false (tests/long/shadows.c).
 
    OCCLUSION takes the sky for free as far as the cone reaches, and guesses that the horizon all around stands 0.3
    times as steep as the steepest. What it never says is proven by the cone alone: no less than normal_z sin^2 of its
@@ -1995,7 +2013,8 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
 /* ======================================================================================================
    K E R N E L S
 
-   What is done to row after row of texels is written once, at the end of this file, in the macros below, and compiled once
+   What is done to row after row of texels is written once, at the end of this file, in the macros below, and compiled
+   once
    for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew each
    time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all instruction
    sets give the same bits; with one lane it is plain C.
@@ -2019,9 +2038,9 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
        FLOORD             for anything below 2^52
        LSUB LAND          uint64s; BITSD BITSL the same bits as another type
    To add a macro: define it in each of the sets and add its #undef where the kernels end. To add a
-   kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and never
-   cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and CONEMAP__HELPER
-   carry the attribute that lets a function use its instruction set, so no compiler flag is needed.
+   kernel: write it there, and add its pointer to conemap__kernels and CONEMAP__KERNEL_LIST. Vectors are locals and
+   never cross a call that is not inlined (MinGW does not align the stack for them). CONEMAP__FUNCTION and
+   CONEMAP__HELPER carry the attribute that lets a function use its instruction set, so no compiler flag is needed.
    ====================================================================================================== */
 
 #ifndef CONEMAP_SELF
@@ -2077,8 +2096,9 @@ static const float conemap__piece_x[2 * CONEMAP__EIGHTHS] = {0, .25f, .5f, .75f,
                                                             0, .25f, .5f, .75f, 0, .25f, .5f, .75f};
 static const float conemap__piece_y[2 * CONEMAP__EIGHTHS] = {0, 0, 0, 0, .5f, .5f, .5f, .5f, 0, 0, 0, 0, .5f, .5f, .5f, .5f};
 
-/* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4 of the
-   proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V), row by row. */
+/* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4
+   of the proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V),
+   row by row. */
 #define CONEMAP__SIGHTS 128 /* texels are at most 8:1: then there are 88, with 1024 numbers, up to 13 rows away */
 #define CONEMAP__SIGHT_REACH 16
 #define CONEMAP__FINEST 32 /* pieces along an axis */
@@ -2094,8 +2114,8 @@ typedef struct conemap__sights {
 static const float conemap__places[2 * CONEMAP__TILE] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7};
 static const int32_t conemap__second_row[2 * CONEMAP__TILE] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
 
-/* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one after
-   (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
+/* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one
+   after (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
 typedef struct conemap__quick_level {
     float p[3], q[3];
     int32_t node[3], full; /* full: finer levels have seen everything */
@@ -2107,7 +2127,8 @@ typedef struct conemap__quick_columns {
     int32_t node[17][3][16], full[17][16];
 } conemap__quick_columns;
 
-/* A block that may hold something steeper for some of the tile's groups, a bit for each. Only kernels with one lane ask. */
+/* A block that may hold something steeper for some of the tile's groups, a bit for each. Only kernels with one lane
+   ask. */
 typedef struct conemap__node {
     int k, x, y, groups;
 } conemap__node;
@@ -2128,8 +2149,8 @@ CONEMAP__INLINE void conemap__sum_up(conemap__tile *tile, int group) {
     conemap__lower_bar(tile, group);
 }
 
-/* Which of four blocks may texels of the group have to look into? Their squared distances from the tile's columns and rows:
-   those of the left and right ones, and of the upper and lower. */
+/* Which of four blocks may texels of the group have to look into? Their squared distances from the tile's columns and
+   rows: those of the left and right ones, and of the upper and lower. */
 CONEMAP__INLINE int conemap__ask_group(const conemap__tile *tile, int group, const float *highest, const float *left,
                                        const float *right, const float *upper, const float *lower) {
     int c, i = 2 * (group & 3), j = 2 * (group >> 2), asked = 0;
@@ -2154,7 +2175,8 @@ typedef struct conemap__way { /* along an axis, mirrored so that it is never flo
     double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
 } conemap__way;
 
-/* The same in floats: `behind` is p less the error e of a position, `late` is border and 2 e per_v, `early` is 4 e per_v. */
+/* The same in floats: `behind` is p less the error e of a position, `late` is border and 2 e per_v, `early` is 4 e
+   per_v. */
 typedef struct conemap__fast_way {
     float behind[CONEMAP__BLOCK], v[CONEMAP__BLOCK], per_v[CONEMAP__BLOCK], late[CONEMAP__BLOCK], early[CONEMAP__BLOCK];
     float sign[CONEMAP__BLOCK];     /* -1 where mirrored */
@@ -2178,7 +2200,8 @@ typedef struct conemap__block_of_rays {
     /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
     double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
     double number[CONEMAP__BLOCK];
-    float fill[6 * CONEMAP__BLOCK]; /* blocks are no multiple of 4096 bytes apart, which processors take for the same place */
+    float fill[6 * CONEMAP__BLOCK]; /* blocks are no multiple of 4096 bytes apart, which processors take for the same
+                                       place */
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
@@ -2350,7 +2373,8 @@ typedef struct conemap__kernels {
     void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
     /* Maxima over 2 x 2 of two rows of `width`, which are the same row where the last has no partner. */
     void (*maxima_row)(const float *above, const float *below, int width, float *out);
-    /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are null. */
+    /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are
+       null. */
     void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
     /* Squares of the longest gradients of the cells between two rows. */
     void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, float *out);
@@ -2360,9 +2384,9 @@ typedef struct conemap__kernels {
        columns[k] to the right in rows[k]. */
     void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n, int width,
                      int wraps, int first, int count, float *out);
-    /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells near it;
-       or, given what is known of the texels in this row, from each cell, by its lower corner, up to the vertices near it.
-       rows[k] is the k-th row from this one, null where there is none. */
+    /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells
+       near it; or, given what is known of the texels in this row, from each cell, by its lower corner, up to the
+       vertices near it. rows[k] is the k-th row from this one, null where there is none. */
     void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps, const float *known,
                        int first, int count, float *out);
     /* Step 4 of the proof of safe cones: the eye at the origin sees a patch whose corner k stands at
@@ -2962,8 +2986,8 @@ static conemap_isa conemap__best_isa(void) {
     return CONEMAP_ISA_AVX512;
 }
 #elif defined(CONEMAP__X86)
-/* By what the compiler's own library found out when the program started: cpuid, asked here for each small map, takes longer
-   than the map where a virtual machine traps it. */
+/* By what the compiler's own library found out when the program started: cpuid, asked here for each small map, takes
+   longer than the map where a virtual machine traps it. */
 static conemap_isa conemap__best_isa(void) {
     __builtin_cpu_init();
     if (!__builtin_cpu_supports("avx2")) return CONEMAP_ISA_SSE2;
@@ -3050,7 +3074,8 @@ static conemap__window conemap__texel_window(const conemap_map *map, int i, int 
 typedef struct conemap__sector {
     int su, sv;     /* signs of the quadrant; 0: all directions */
     int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
-    int number;     /* counts planes. (tcc 0.9.27 returns structs of 12 bytes over what lies behind them; this has 16) */
+    int number;     /* counts planes. (tcc 0.9.27 returns structs of 12 bytes over what lies behind them; this has
+                       16) */
 } conemap__sector;
 
 CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
@@ -3077,9 +3102,9 @@ CONEMAP__DEF int conemap_sector(const conemap_info *info, float du, float dv) {
     return info ? conemap__sector_number(info, (double)du, (double)dv) : 0;
 }
 
-/* Do texels low..high of an axis reach one of the two on either border of CLAMP? Along an axis of one texel all do. What
-   lies in the outer half texel is seen by its projection onto the border, which keeps the quadrant of a direction but
-   not the octant. So border cells, and the vertices that they have, count for their whole quadrant. */
+/* Do texels low..high of an axis reach one of the two on either border of CLAMP? Along an axis of one texel all do.
+   What lies in the outer half texel is seen by its projection onto the border, which keeps the quadrant of a direction
+   but not the octant. So border cells, and the vertices that they have, count for their whole quadrant. */
 CONEMAP__INLINE int conemap__by_border(int low, int high, int size, conemap_wrap wrap) {
     return size == 1 || (wrap == CONEMAP_CLAMP && (low <= 1 || high >= size - 2));
 }
@@ -3095,8 +3120,8 @@ CONEMAP__INLINE int conemap__border_cell(const conemap_info *info, int i, int j)
            conemap__by_border(j + 1, j, info->height, info->wrap_v);
 }
 
-/* Do offsets x0..x1, y0..y1 meet the sector? An octant has `room` texels beyond its diagonal, and the whole quadrant with
-   `whole`. *dx, *dy: the nearest offset of those. */
+/* Do offsets x0..x1, y0..y1 meet the sector? An octant has `room` texels beyond its diagonal, and the whole quadrant
+   with `whole`. *dx, *dy: the nearest offset of those. */
 CONEMAP__INLINE int conemap__meets(conemap__sector sector, int room, int whole, int x0, int x1, int y0, int y1, int *dx,
                                    int *dy) {
     int far_x = sector.su > 0 ? x1 : -x0, far_y = sector.sv > 0 ? y1 : -y0;
@@ -3125,8 +3150,8 @@ CONEMAP__INLINE int conemap__sees_cell(const conemap_map *map, conemap__sector s
            conemap__texels_by_border(&map->info, k, k, l, l);
 }
 
-/* The square of the steepest ascent of gradient (x, y) within the first quadrant, or the octant of it along `major`, for
-   texels of a by b. */
+/* The square of the steepest ascent of gradient (x, y) within the first quadrant, or the octant of it along `major`,
+   for texels of a by b. */
 static double conemap__ascent2(int major, double x, double y, double a, double b) {
     double along = major == 1 ? x : y, diagonal = x * a + y * b;
     if (major != 0 && !(x >= 0.0 && y >= 0.0 && (major == 1 ? y * a <= x * b : y * a >= x * b))) {
@@ -3251,15 +3276,17 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
 
 /* ---- the search for the steepest slopes, a tile of texels at a time --------------------------------------------
 
-   What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at least
-   as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of the pyramid
-   are tested against every texel at once, whether or not it had a use for the block above, which costs less than asking. (One
-   lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search begins with what decided
-   the tile before (neighbours often agree), goes on in the tile's own block and up from there, so near texels, which decide
-   most often, come first, and ends with the images of a wrapping map.
-   With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound into
-   its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no steeper, so a
-   texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on the order, which is
+   What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at
+   least as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of
+   the pyramid are tested against every texel at once, whether or not it had a use for the block above, which costs less
+   than asking. (One
+   lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search begins with what
+   decided the tile before (neighbours often agree), goes on in the tile's own block and up from there, so near texels,
+   which decide most often, come first, and ends with the images of a wrapping map.
+   With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound
+   into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
+   steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
+   the order, which is
    always this one: a job's tiles row by row. */
 
 #define CONEMAP__LEAST_SLACK 0.5f /* to fold bounds in takes more time than less slack spares */
@@ -3343,7 +3370,8 @@ typedef struct conemap__sector_search {
     int best_i, best_j; /* what decided the last texel: neighbours often agree */
 } conemap__sector_search;
 
-/* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As conemap__meets. */
+/* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As
+   conemap__meets. */
 CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i, int high_i,
                                           int low_j, int high_j, int i, int j, int *dx, int *dy) {
     int whole = search->sector.major != 0 && search->room &&
@@ -3351,7 +3379,8 @@ CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap_
     return conemap__meets(search->sector, search->room, whole, low_i - i, high_i - i, low_j - j, high_j - j, dx, dy);
 }
 
-/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded in. */
+/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded
+   in. */
 CONEMAP__INLINE int conemap__may_beat(conemap__sector_search *search, float dh2, float d2, float s) {
     float bar = s * d2 * CONEMAP__MARGIN;
     const conemap__search *common = &search->common;
@@ -3393,7 +3422,8 @@ static int conemap__push_seen(const conemap_map *map, conemap__sector_search *se
     return count;
 }
 
-/* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i, j). */
+/* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i,
+   j). */
 static float conemap__open_seen(const conemap_map *map, conemap__sector_search *search, int i, int j, int shift_i,
                                 int shift_j, float apex, float s, conemap__candidate *stack, int count) {
     while (count > 0) {
@@ -3415,9 +3445,9 @@ static float conemap__open_seen(const conemap_map *map, conemap__sector_search *
     return s;
 }
 
-/* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image decides.
-   In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow maps), unless
-   nothing so far away can beat s. */
+/* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image
+   decides. In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow
+   maps), unless nothing so far away can beat s. */
 static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex, float s) {
     int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
     float period = (float)size * (along_v ? search->common.b : search->common.a);
@@ -3576,59 +3606,64 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
       from P, has at least as large a slope (as a supremum). Fix r = q - p. Over the rectangle of p with p in P and
       p + r in Q, h(p + r) - h(p) is bilinear, so largest at a corner, where on each axis p or q lies on a grid line.
       If it is the same point on both axes, it is a vertex. Otherwise h(p) is affine in one coordinate and h(q) in
-      the other, the difference is k + g.r, and along a ray of r = s n the slope k / s + g.n is monotone in s: it does not
-      fall towards one of the ray's ends, where one more coordinate is at a vertex. If that end is s = 0, then p = q
+      the other, the difference is k + g.r, and along a ray of r = s n the slope k / s + g.n is monotone in s: it does
+      not fall towards one of the ray's ends, where one more coordinate is at a vertex. If that end is s = 0, then p = q
       there, so k = 0 and the slope is the same at the other end.
-   2. Same cell, P = Q: a slope is a mean of derivatives along the segment, so at most the longest gradient. h_x is affine
-      in y and h_y in x, so its square is max(h_x0^2, h_x1^2) + max(h_y0^2, h_y1^2). Reached in the limit: exact.
+   2. Same cell, P = Q: a slope is a mean of derivatives along the segment, so at most the longest gradient. h_x is
+      affine in y and h_y in x, so its square is max(h_x0^2, h_x1^2) + max(h_y0^2, h_y1^2). Reached in the limit: exact.
    3. A corner u of another cell Q: along a ray from u the slope in Q is c1 + c2 s, largest for s -> 0, at most the
       rising part of the gradient at u, or on one of Q's two far edges. On an edge at distance c,
-      (A + B y)^2 / (c^2 + y^2) <= A^2 / c^2 + B^2, reached at y = B c^2 / A; outside the edge, or with A <= 0, its ends.
+      (A + B y)^2 / (c^2 + y^2) <= A^2 / c^2 + B^2, reached at y = B c^2 / A; outside the edge, or with A <= 0, its
+      ends.
    4. A vertex u and a patch Q apart from it, whose corners Q_j stand D_j away and rise dh_j above it. If
       dh_j <= S sqrt(D_j^2 - V) for all four, then for q = sum w_j Q_j, as the root is concave,
-      h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for the variance of Q_j under
-      the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V. With heights negated: the same for u seen from p in P.
-      A patch cut up is several patches with a smaller V; the largest of their bounds is a bound.
+      h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for the variance of Q_j
+      under the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V. With heights negated: the same for u seen from p in
+      P. A patch cut up is several patches with a smaller V; the largest of their bounds is a bound.
    5. Every pair is seen. Let p in P, q in Q; by 1 it is a vertex u and a patch. Own cell: step 2, given to P's corners.
       Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for
       the corner with the largest bound: far from u (V <= tolerance D^2) the search takes the corner's bound as it is,
-      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights_rows), given to the 3x3 of u,
-      or to P's corners if it is P that is seen from v. In a sector conemap__near_row cuts up the patch with the largest bound alone, and where
-      D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs looks at every patch. What a search from
-      u prunes is at most what the 3x3 of u has already.
+      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights_rows), given to the 3x3
+      of u, or to P's corners if it is P that is seen from v. In a sector conemap__near_row cuts up the patch with the
+      largest bound alone, and where D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs
+      looks at every patch. What a search from u prunes is at most what the 3x3 of u has already.
       With a cone for each cell, what was given to texels is given to P itself, or to the cells at u: a part of the 3x3.
-   6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty. Storing
-      sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to less.
+   6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty.
+      Storing sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to
+      less.
    7. Outside the outermost centres (CLAMP): projecting p and q onto the rectangle of centres keeps heights and t(p)
-      and shortens |q - p|. The same projection lets an axis of one texel count as having length 0, and texels longer than
-      8:1 count as 8:1 (shorter distances, so narrower cones; it keeps the near field small).
-   8. Rounding. Absolute: dh is off by 2^-25, cutting a patch into pieces adds less than 6 times that, at most 4 times over,
-      and the shader's own height 2^-23: together less than d. Relative: coordinates, squares and quotient are off by less
-      than 2^-18 in D^2 and dh^2,
-      D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and the
-      sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off.
+      and shortens |q - p|. The same projection lets an axis of one texel count as having length 0, and texels longer
+      than 8:1 count as 8:1 (shorter distances, so narrower cones; it keeps the near field small).
+   8. Rounding. Absolute: dh is off by 2^-25, cutting a patch into pieces adds less than 6 times that, at most 4 times
+      over, and the shader's own height 2^-23: together less than d. Relative: coordinates, squares and quotient are off
+      by less than 2^-18 in D^2 and dh^2,
+      D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and
+      the sampler's few last bits: below 2^-16, which conemap__safe_tangent takes off.
 
    Sectors. A sector is a closed convex cone of directions r in texels, and the claim is made for q - p in it.
    1. holds as it is: r is fixed, then only scaled, so it stays in the sector.
-   2. becomes the steepest ascent in the sector's directions. Of a quadrant, with both axes turned to it, the positive parts
-      of the largest h_x and h_y; in an octant, where that ascent leads out, it is the steeper one of the axis and the diagonal.
+   2. becomes the steepest ascent in the sector's directions. Of a quadrant, with both axes turned to it, the positive
+      parts of the largest h_x and h_y; in an octant, where that ascent leads out, it is the steeper one of the axis and
+      the diagonal.
    3. u's own cell in the quadrant is the only one; an octant has one of its two far edges.
-   4. as it is, for patches that are met: from a vertex a patch lies in one closed quadrant, on the diagonal in two octants.
-      P seen from v is met if v - p is in the sector.
+   4. as it is, for patches that are met: from a vertex a patch lies in one closed quadrant, on the diagonal in two
+      octants. P seen from v is met if v - p is in the sector.
    5. A corner counts if a patch it belongs to may be met: in the quadrant, border included, and in an octant up to one
-      texel beyond its diagonal. Then all corners of a patch that is met count, and the one with the largest bound finds it.
-      A border that does not wrap is the edge of cells on one side only, so the missing ones are added, level across: they
-      have the edge's heights, farther away.
-   7. A projection may turn r from one octant into the other, not out of its quadrant. So where p or q lies in a border cell
-      of CLAMP, or in a map of one row or column, octants count as quadrants: for patches, vertices and gradients there.
-   Wrapping: an image a whole period farther is met in the same quadrant and less steep, and in an octant along its minor
-   axis. Along the major axis conemap__images goes on until the octant is wide enough to have held an image of everything. */
+      texel beyond its diagonal. Then all corners of a patch that is met count, and the one with the largest bound finds
+      it. A border that does not wrap is the edge of cells on one side only, so the missing ones are added, level
+      across: they have the edge's heights, farther away.
+   7. A projection may turn r from one octant into the other, not out of its quadrant. So where p or q lies in a border
+      cell of CLAMP, or in a map of one row or column, octants count as quadrants: for patches, vertices and gradients
+      there.
+   Wrapping: an image a whole period farther is met in the same quadrant and less steep, and in an octant along its
+   minor axis. Along the major axis conemap__images goes on until the octant is wide enough to have held an image of
+   everything. */
 
 #define CONEMAP__BAND 16      /* rows of a cone job */
 #define CONEMAP__LONGEST 8.0f /* texels longer than this count as so long */
 
-/* A band of rows: a job. What a vertex sees goes to the plane, what is seen of a cell to cell_slopes; each job writes its own
-   rows of both and conemap__collect brings them together. So jobs share nothing. */
+/* A band of rows: a job. What a vertex sees goes to the plane, what is seen of a cell to cell_slopes; each job writes
+   its own rows of both and conemap__collect brings them together. So jobs share nothing. */
 typedef struct conemap__band {
     const conemap_map *map;
     int y0, y1;
@@ -3658,7 +3693,8 @@ CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
            conemap__inner_cell(j, map->info.height, map->info.wrap_v);
 }
 
-/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its cone. */
+/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its
+   cone. */
 CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int per_cell) {
     return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
 }
@@ -3684,8 +3720,8 @@ CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j
     *at = conemap__max(*at, slope2);
 }
 
-/* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with per_cell: of
-   what rows y0 to y1 know. At most 13. */
+/* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with
+   per_cell: of what rows y0 to y1 know. At most 13. */
 static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows, int *columns) {
     int h = map->info.height, r, c, n = 0, cells = map->info.texture.per_cell != 0;
     size_t first = (size_t)sector * conemap__texels(map);
@@ -3756,8 +3792,8 @@ static float conemap__corner_slope2(const conemap__band *band, int i, int j, int
                                                     conemap__edge_slope2(across, opposite, band->a, band->b)));
 }
 
-/* Step 4: the eye at the origin sees a patch whose corner k stands at (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above
-   it. The larger of `best` and a bound of the squared slope, in pieces where that is not tight. */
+/* Step 4: the eye at the origin sees a patch whose corner k stands at (x + (k & 1) size_x, y + (k >> 1) size_y), h[k]
+   above it. The larger of `best` and a bound of the squared slope, in pieces where that is not tight. */
 static float conemap__patch_slope2(const conemap_map *map, const float *h, float x, float y, float size_x, float size_y,
                                    float best) {
     float v = 0.25f * (size_x * size_x + size_y * size_y), above = CONEMAP__FAR, top = 0.0f, bound = 0.0f;
@@ -3797,7 +3833,8 @@ CONEMAP__INLINE int conemap__touches(int i, int j, int k, int l) {
     return k >= i && k <= i + 1 && l >= j && l <= j + 1;
 }
 
-/* Does another corner of cell (i, j) have a larger bound with vertex (k, l)? Then the cell is looked at for that one. */
+/* Does another corner of cell (i, j) have a larger bound with vertex (k, l)? Then the cell is looked at for that
+   one. */
 static int conemap__outdone(const conemap__band *band, int i, int j, int k, int l, float sign, float bound) {
     float apex = conemap__vertex(band->map, k, l);
     int c;
@@ -3817,8 +3854,8 @@ static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, in
     *at = conemap__max(*at, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, conemap__max(least, *at)));
 }
 
-/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v. `least` is
-   what all that is raised has already. */
+/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v.
+   `least` is what all that is raised has already. */
 static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float least, float best) {
     float dh = conemap__vertex(band->map, vi, vj) - conemap__vertex(band->map, ui, uj);
     float bound = conemap__corner_bound(band, dh, vi - ui, vj - uj);
@@ -3893,8 +3930,8 @@ static void conemap__known(const conemap__band *band, int j, int x, int count, i
     kernels->narrowest_row(three, count + 2, 0, 1, count, out);
 }
 
-/* Step 5, near, in all directions: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight.
-   A corner of up to four pieces of the same V has one number for all. */
+/* Step 5, near, in all directions: the cells with a corner nearer than the root of near2, cut until step 4's bound is
+   tight. A corner of up to four pieces of the same V has one number for all. */
 static void conemap__find_sights(const conemap__band *band, float near2, conemap__sights *sights) {
     const conemap_info *info = &band->map->info;
     double a = (double)band->a, b = (double)band->b;
@@ -3976,8 +4013,8 @@ static conemap__neighbours conemap__near_ones(const conemap__band *band, float n
     return n;
 }
 
-/* Step 5, near, for row j: all pairs whose bound is above what is known. `below` is the row under the band, whose vertices
-   concern its last cells. */
+/* Step 5, near, for row j: all pairs whose bound is above what is known. `below` is the row under the band, whose
+   vertices concern its last cells. */
 static void conemap__near_row(const conemap__band *band, const conemap__neighbours *near_ones, int j, int below) {
     const conemap_map *map = band->map;
     float known[CONEMAP__RUN], bounds[CONEMAP__RUN];
@@ -4022,10 +4059,11 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
    there more steeply than the ray, seen from p. So if the cone at p holds no surface point that falls seen from p
    [BV24 eq. 4], a step to the cone's end passes the surface at most once, and the way back finds where. A bilinear
    cell has such a point only if a flight direction from P to it and slopes of its sides give x h_x + y h_y < 0; all
-   three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm 2]'s
-   rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's near
-   corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds of
-   conemap__safe_vertex (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its longest gradient if a cell around it falls, and inside P itself the
+   three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm
+   2]'s rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's
+   near corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds
+   of conemap__safe_vertex (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
+   longest gradient if a cell around it falls, and inside P itself the
    bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
    |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
    falls: cells outside, whose corners repeat the border, see to that. */
@@ -4052,7 +4090,8 @@ static int conemap__falling(const conemap_map *map, int i, int j) {
     return flags;
 }
 
-/* The directions in which cells low_i..high_i, low_j..high_j are flown through, seen from the cells at vertex (i, j). */
+/* The directions in which cells low_i..high_i, low_j..high_j are flown through, seen from the cells at vertex (i,
+   j). */
 CONEMAP__INLINE int conemap__flown(int low_i, int high_i, int low_j, int high_j, int i, int j) {
     return (high_i >= i - 1 ? CONEMAP__FALLS_RIGHT : 0) | (low_i <= i ? CONEMAP__FALLS_LEFT : 0) |
            (high_j >= j - 1 ? CONEMAP__FALLS_DOWN : 0) | (low_j <= j ? CONEMAP__FALLS_UP : 0);
@@ -4274,7 +4313,8 @@ static int conemap__needs_plane(const conemap_map *map) {
     return map->build.updating || map->info.min3x3 || conemap__is_bilinear(&map->info);
 }
 
-/* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones that
+/* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones
+   that
    are no longer there: those start afresh. */
 static int conemap__updates_partly(const conemap_desc *desc, const conemap_info *info) {
     return desc->generator == CONEMAP_EXACT && !(desc->slack > 0.0f) && (!desc->min3x3 || conemap__is_bilinear(info));
@@ -4819,7 +4859,8 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__neighbours near_ones;
     conemap__sights sights;
     conemap_result result;
-    float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan whole */
+    float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan
+                                                                                          whole */
     int y;
     search.deflate = band.deflate;
     search.near2 = band.deflate / CONEMAP__TOLERANCE * (1.0f - 1.0f / 4096.0f);
@@ -4872,7 +4913,8 @@ static void conemap__safe_tangents(const conemap_map *map, int sector, int x, in
     n = conemap__collect(map, sector, y, 0, map->info.height, rows, columns);
     kernels->steepest_row(rows, columns, n, w, wraps, x, count, tangents);
     if (map->info.texture.per_cell && !wraps && x + count == w && w > 1) /* there is one cell less than texels: what */
-        kernels->steepest_row(rows, columns, n, w, wraps, w - 2, 1, tangents + count - 1); /* lies beyond projects onto the last */
+        kernels->steepest_row(rows, columns, n, w, wraps, w - 2, 1, tangents + count - 1); /* lies beyond projects onto
+                                                                                              the last */
     kernels->tangent_row(&slopes, 1, 1.0f - conemap__safe_margin(map), map->info.max_tan, count, tangents);
 }
 
@@ -5109,8 +5151,8 @@ static void conemap__mark_around(const conemap__edit *edit, int i, int j, int re
         }
 }
 
-/* Square of the distance from texels i0..i1, j0..j1 to the rectangle; with the bilinear guarantee, to its cells. Very far
-   where the sector does not see it. */
+/* Square of the distance from texels i0..i1, j0..j1 to the rectangle; with the bilinear guarantee, to its cells. Very
+   far where the sector does not see it. */
 static float conemap__edit_distance2(const conemap__edit *edit, int i0, int i1, int j0, int j1) {
     const conemap_map *map = edit->map;
     int bilinear = conemap__is_bilinear(&map->info);
@@ -5185,7 +5227,8 @@ static void conemap__mark(const conemap__edit *edit) {
         }
 }
 
-/* The maxima over cells that have a corner in the edit: on a wrapping axis the last cells are corners of the first texel. */
+/* The maxima over cells that have a corner in the edit: on a wrapping axis the last cells are corners of the first
+   texel. */
 static void conemap__update_cells(conemap_map *map, const conemap__edit *edit) {
     int first_u = conemap__first_cell(map->info.wrap_u), first_v = conemap__first_cell(map->info.wrap_v);
     int x0 = edit->x - 1 + first_u, x1 = edit->x + edit->width - 1 + first_u, last_u = map->cells.width[0] - 1;
@@ -5271,7 +5314,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
                            (ptrdiff_t)x * rectangle.pixel_stride;
         rectangle.width = width;
-        for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not aligned */
+        for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not
+                                                                  aligned */
             if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k, work.build.plane))
                 result = CONEMAP_ERROR_HEIGHT;
             memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane, (size_t)width * sizeof(float));
@@ -5805,7 +5849,8 @@ CONEMAP__DEF conemap_result conemap_sample_at(const conemap_map *map, float u, f
 #define CONEMAP__VERIFY_DEPTH 64       /* halvings of a pair of cells, four sides together */
 #define CONEMAP__VERIFY_WORK (1 << 19) /* pairs of rectangles looked at in one pass over a cell */
 #define CONEMAP__VERIFY_DEEPER (1 << 13) /* and once a witness is found, for a deeper one */
-#define CONEMAP__VERIFY_CREDIT (1 << 28) /* pairs spent in vain, over all cells, from which on passes are cut to a 32nd */
+#define CONEMAP__VERIFY_CREDIT (1 << 28) /* pairs spent in vain, over all cells, from which on passes are cut to a
+                                            32nd */
 #define CONEMAP__VERIFY_APEX (1.0 / 1048576.0)
 #define CONEMAP__VERIFY_GRAIN (1.0 / 1099511627776.0)
 
@@ -6012,7 +6057,9 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
             double d2 = dx * dx * aa + dy * dy * bb, rise = q->h[j] - p->h[i] - slack, side;
             if ((half_x && dx * (double)proof->sector.su < 0.0) || (half_y && dy * (double)proof->sector.sv < 0.0)) continue;
             side = (rise - 2.0 * CONEMAP__VERIFY_GRAIN) * p->t[i];
-            if (side > 0.0 && side * side > d2 && conemap__sees_point(proof, p, q, dx, dy)) { /* the corner tangents are exact, so this one is real */
+            if (side > 0.0 && side * side > d2 && conemap__sees_point(proof, p, q, dx, dy)) { /* the corner tangents are
+                                                                                                 exact, so this one is
+                                                                                                 real */
                 conemap__witness(proof, p->x + (i & 1 ? p->sx : 0.0), p->y + (i & 2 ? p->sy : 0.0),
                                  q->h[j] - p->h[i] - CONEMAP__VERIFY_APEX - sqrt(d2) / p->t[i]);
                 done = 0;
@@ -6052,8 +6099,8 @@ typedef struct conemap__seen_block {
     int level, x, y;
 } conemap__seen_block;
 
-/* May a block `cells` cells away, beside a wrapping border, be left because another image of all of it is as near? Half the
-   way round in all directions, the whole way in a quadrant and along an octant's minor axis. */
+/* May a block `cells` cells away, beside a wrapping border, be left because another image of all of it is as near? Half
+   the way round in all directions, the whole way in a quadrant and along an octant's minor axis. */
 CONEMAP__INLINE int conemap__repeats(const conemap__proof *proof, int cells, int size, int axis) {
     if (proof->sector.su == 0) return 2 * cells > size;
     return proof->sector.major != axis && cells >= size;
@@ -6279,14 +6326,14 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
 /* ======================================================================================================
    P L A N S
 
-   The statistics hold what rays of four slopes took that probed the map: steps with vertex cones and with narrowed ones,
-   cells, share of the way. A ray of elevation e moves depth cot(e) sideways on its way down the box; P, S, C and W are
-   the means of those four over eight elevations from the lowest up, between the four slopes straight over the logarithm.
-   Mean steps are a sum, with weights that are not negative, of
+   The statistics hold what rays of four slopes took that probed the map: steps with vertex cones and with narrowed
+   ones, cells, share of the way. A ray of elevation e moves depth cot(e) sideways on its way down the box; P, S, C and
+   W are the means of those four over eight elevations from the lowest up, between the four slopes straight over the
+   logarithm. Mean steps are a sum, with weights that are not negative, of
        1,  P,  S,  sqrt(C),  W,  log2 of the map's size,
-   and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of the
-   roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the largest
-   that were measured, times 1.5. All of it is fitted twice, for maps below 0.7 of roughness and for the others.
+   and time is a share a ray and a share a step. Misses and errors of what can miss are taken to grow as the square of
+   the roughness (and a little), and for equal steps as the cells that one of them crosses; their factors are the
+   largest that were measured, times 1.5. All of it is fitted twice, for maps below 0.7 of roughness and for the others.
    Building takes a time for each texel. `accuracy --fit` measures this on procedural maps and prints the table anew;
    `make fit` puts it here.
 
@@ -6424,8 +6471,8 @@ CONEMAP__INLINE float conemap__plan_sideways(int slope) {
     return sideways[slope];
 }
 
-/* Sends one ray from the top of the box, at texel (x, y) in direction (du, dv) of length 1, down one of the slopes. It steps
-   to the end of the cone over the texel below it, or as far as cell borders lie apart if that is farther. */
+/* Sends one ray from the top of the box, at texel (x, y) in direction (du, dv) of length 1, down one of the slopes. It
+   steps to the end of the cone over the texel below it, or as far as cell borders lie apart if that is farther. */
 static void conemap__plan_probe(const conemap_heights *h, const float *blocks, int block_u, int block_v, double u,
                                 double v, double du, double dv, double sideways, int safe, double *steps, double *cells,
                                 double *way) {
@@ -6561,7 +6608,8 @@ static float conemap__plan_risk(const conemap__plan_row *row, const conemap_stat
 
 CONEMAP__INLINE int conemap__plan_rough(const conemap_statistics *s) { return s->roughness >= 0.7f; }
 
-/* The coarsest format whose heights are off by less than the error allowed: half a step, seen along the flattest ray. */
+/* The coarsest format whose heights are off by less than the error allowed: half a step, seen along the flattest
+   ray. */
 static conemap_format conemap__plan_format(const conemap_plan_desc *desc, float depth, float lowest, float error) {
     static const conemap_format formats[2] = {CONEMAP_UNORM8, CONEMAP_UNORM16};
     float size = (float)conemap__maxi(desc->statistics.width, desc->statistics.height);
@@ -6785,10 +6833,12 @@ static int conemap__clip(double o, double v, double low, double high, int axis, 
 static int conemap__enter_cells(double position, int size, conemap_wrap wrap, double shift, int cells, double *place) {
     double x;
     int cell, first = shift > 0.0 ? -conemap__first_cell(wrap) : 0;
-    position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position); /* far origins cancel badly */
+    position = wrap == CONEMAP_WRAP ? conemap__fraction(position) : conemap__clamp01(position); /* far origins cancel
+                                                                                                   badly */
     x = position * (double)size - shift;
     cell = conemap__floord(x);
-    if (wrap != CONEMAP_WRAP) cell = conemap__maxi(first, conemap__mini(cell, first + cells - 1)); /* clipping is off by a last bit */
+    if (wrap != CONEMAP_WRAP) cell = conemap__maxi(first, conemap__mini(cell, first + cells - 1)); /* clipping is off by
+                                                                                                      a last bit */
     *place = conemap__clamp01(x - (double)cell);
     return cell;
 }
@@ -7392,15 +7442,15 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 
    The table. A record belongs to a cell c of the map (the outer half cells of CLAMP have the same texels as their
    neighbours and share theirs). It is two words, for rays that fly forth and back along v, in a plane each, the second
-   upside down, as those rays see it. A word holds the top in 12 bits, and for rays that fly forth and back along u a clear
-   way and a slope in 5 bits each. Let R_k be the highest point of the square of cells whose corner is c and that reaches
-   k cells beyond c along both axes of the quadrant, WRAP's images included. Then
+   upside down, as those rays see it. A word holds the top in 12 bits, and for rays that fly forth and back along u a
+   clear way and a slope in 5 bits each. Let R_k be the highest point of the square of cells whose corner is c and that
+   reaches k cells beyond c along both axes of the quadrant, WRAP's images included. Then
        top >= R_0,   R_clear <= top,   R_k <= top + slope k  for all k >= 1.
    Distances and speeds are counted in cells along the faster axis, so no root is needed.
 
-   Steps. A ray over c that has flown a distance s > 0 along its faster axis has flown no more along the other one, so it
-   is over a cell at most ceil(s) cells from c along either. As the surface is continuous, what borders on a cell counts as
-   the cell. So the surface under the ray is
+   Steps. A ray over c that has flown a distance s > 0 along its faster axis has flown no more along the other one, so
+   it is over a cell at most ceil(s) cells from c along either. As the surface is continuous, what borders on a cell
+   counts as the cell. So the surface under the ray is
        (a) at most top while it is over c;
        (b) at most top for s <= clear;
        (c) at most top + slope (s + 1) for every s, since ceil(s) < s + 1.
@@ -7408,30 +7458,31 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
        (a) to the border of c, or (b) for clear / V, but in both cases no longer than it stays above top: gap / -vz;
        (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever.
    Flights are in floats, twice as many side by side. Where they do not get out of c for certain, the ray is close: the
-   patch of c is met in doubles, as conemap__trace_exact meets it, for as long as the ray is over c. Each step leaves a cell
-   behind, so no epsilon and no cap are needed. Cones play no part, and a ray that begins or ends at or below top is always
-   judged by the patch.
+   patch of c is met in doubles, as conemap__trace_exact meets it, for as long as the ray is over c. Each step leaves a
+   cell behind, so no epsilon and no cap are needed. Cones play no part, and a ray that begins or ends at or below top
+   is always judged by the patch.
 
-   Flights in floats. Let N be the cells that a ray crosses (2^22 at most) and e = 2^-21 N. Positions, p + v t, are off by
-   four roundings, e / 2 at most; so are times of borders, in cells. Heights are off by 2^-22, and by as much again through
-   the two quotients, over whose times neither bound moves by more than 1: z begins 2^-19 too low. What holds at time t in
-   cell c, with c counted from 0 along either axis as the ray flies, is
+   Flights in floats. Let N be the cells that a ray crosses (2^22 at most) and e = 2^-21 N. Positions, p + v t, are off
+   by four roundings, e / 2 at most; so are times of borders, in cells. Heights are off by 2^-22, and by as much again
+   through the two quotients, over whose times neither bound moves by more than 1: z begins 2^-19 too low. What holds at
+   time t in cell c, with c counted from 0 along either axis as the ray flies, is
        (1) up to t, and up to where the ray comes to c, it is above the surface;
        (2) it is at c - 4 e at least, and at c + 1 + 4 e at most.
-   By (2), s + 4 e counts for s: (b) flies clear - 8 e and (c) takes slope (s + 1 + 8 e), which pays for the roundings too.
-   Then c becomes the cell of the position less e, whose error of e / 2 keeps it from being ahead of the ray: (1), and
-   (2) as the position is e + e / 2 beyond that cell at most. (a) goes by the times of the two borders ahead, each moved to 2 e
-   behind the border, `late`, and to 2 e before it, `early`. With the one late before the other is early there is no doubt
-   which is met first, nor which cell comes next; with gap > 0 until late the rest of c is passed, which makes (1), and the
-   time becomes early, (2). Otherwise, also along a border and through corners, the patch is met: in doubles c has an exact
-   beginning and end, between which the ray is met from t on, if it is still there. The time after it is rounded down.
+   By (2), s + 4 e counts for s: (b) flies clear - 8 e and (c) takes slope (s + 1 + 8 e), which pays for the roundings
+   too. Then c becomes the cell of the position less e, whose error of e / 2 keeps it from being ahead of the ray: (1),
+   and (2) as the position is e + e / 2 beyond that cell at most. (a) goes by the times of the two borders ahead, each
+   moved to 2 e behind the border, `late`, and to 2 e before it, `early`. With the one late before the other is early
+   there is no doubt which is met first, nor which cell comes next; with gap > 0 until late the rest of c is passed,
+   which makes (1), and the time becomes early, (2). Otherwise, also along a border and through corners, the patch is
+   met: in doubles c has an exact beginning and end, between which the ray is met from t on, if it is still there. The
+   time after it is rounded down.
 
    Rounding. Heights are floats, top a multiple of 2^-12: rise, quotient and product in rise_row are off by less than
-   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 5 bits, the last of which stands
-   for 1, and the ways are whole numbers. Between the reaches that these can tell, all squares up to the next reach
-   count at the lower one. Patches are met in doubles: cell borders at times off by less than 4 2^-53 N cells' worth: on the
-   steepest wall, a height of 1 in one cell, 2^-29 of height, far below the 2^-20 of a miss. Where a square wraps around
-   the map more than once, it holds everything, and so does the last reach.
+   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 5 bits, the last of which
+   stands for 1, and the ways are whole numbers. Between the reaches that these can tell, all squares up to the next
+   reach count at the lower one. Patches are met in doubles: cell borders at times off by less than 4 2^-53 N cells'
+   worth: on the steepest wall, a height of 1 in one cell, 2^-29 of height, far below the 2^-20 of a miss. Where a
+   square wraps around the map more than once, it holds everything, and so does the last reach.
    ====================================================================================================== */
 
 /* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
@@ -15074,8 +15125,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(slope2)(CONEMAP__F other, CONEMAP__F 
     return CONEMAP__DIV(CONEMAP__MUL(dh, dh), CONEMAP__F1(d2));
 }
 
-/* LANES of a row from column x on, which may lie beyond its ends; `missing` stands there unless the row wraps, or its ends are
-   repeated. */
+/* LANES of a row from column x on, which may lie beyond its ends; `missing` stands there unless the row wraps, or its
+   ends are repeated. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(beside)(const float *row, int x, int width, int wraps, int repeats,
                                                    float missing) {
     float lanes[CONEMAP__LANES];
@@ -15134,8 +15185,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const f
     }
 }
 
-/* Step 3 of the proof of safe cones: an edge of length l at distance c, its ends `first` (at the foot of the perpendicular)
-   and `last` above the eye. */
+/* Step 3 of the proof of safe cones: an edge of length l at distance c, its ends `first` (at the foot of the
+   perpendicular) and `last` above the eye. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F last, float l, float c) {
     CONEMAP__F zero = CONEMAP__F1(0.0f), rise, foot, end;
     CONEMAP__M inside;
@@ -15222,7 +15273,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights
             h10 = CONEMAP__MUL(CONEMAP__SUB(h10, apex), sign);
             h01 = CONEMAP__MUL(CONEMAP__SUB(h01, apex), sign);
             h11 = CONEMAP__MUL(CONEMAP__SUB(h11, apex), sign);
-            seen = CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)); /* can it matter, with room for rounding? */
+            seen = CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)); /* can it matter, with room for
+                                                                                    rounding? */
             seen = CONEMAP__MAX(CONEMAP__ADD(seen, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
             seen = CONEMAP__MUL(seen, CONEMAP__F1(sights->most[k]));
             if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__LT(best, CONEMAP__MUL(seen, seen)), CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
@@ -15254,8 +15306,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(corner)(CONEMAP__F rise, CONEMAP__F x
     return CONEMAP__DIV(CONEMAP__MUL(rise, rise), CONEMAP__MAX(d2, CONEMAP__F1(CONEMAP__TINY)));
 }
 
-/* Bounds for 8 pieces side by side, lengthwise; those whose bound is not tight yet and could matter go on in pieces of their
-   own. */
+/* Bounds for 8 pieces side by side, lengthwise; those whose bound is not tight yet and could matter go on in pieces of
+   their own. */
 CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y, float size_x, float size_y, float above,
                                                float best) {
     float corners[4][2 * CONEMAP__EIGHTHS], bounds[2 * CONEMAP__EIGHTHS], turned[4], wide = size_x * 0.25f, deep = size_y * 0.5f, v;
@@ -15301,7 +15353,8 @@ CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y,
         open |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(best), bound)) << i;
         loose |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(d2, CONEMAP__F1(CONEMAP__TOLERANCE)), CONEMAP__F1(v))) << i;
     }
-    open &= deep > 0.0f ? (1 << CONEMAP__EIGHTHS) - 1 : (1 << CONEMAP__EIGHTHS / 2) - 1; /* else the others are the same */
+    open &= deep > 0.0f ? (1 << CONEMAP__EIGHTHS) - 1 : (1 << CONEMAP__EIGHTHS / 2) - 1; /* else the others are the
+                                                                                            same */
     for (k = 0; open >> k; ++k)
         if ((open & ~loose) >> k & 1) best = conemap__max(best, bounds[k]);
     for (k = 0, open &= loose; open >> k; ++k) {
@@ -15354,7 +15407,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
     }
 }
 
-/* ---- the search of a tile: see G E N E R A T I O N ----------------------------------------------------------------- */
+/* ---- the search of a tile: see G E N E R A T I O N
+   ----------------------------------------------------------------- */
 
 /* Squares of the distances from the tile's columns, or rows, to the places from first to last; `less` is taken off. */
 CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texel, float less, float *out) {
@@ -15367,8 +15421,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texe
     }
 }
 
-/* A tile is gone through in parts: rows, or with one lane groups of 2 x 2 texels, of which those are left out for which a
-   block was in vain above. */
+/* A tile is gone through in parts: rows, or with one lane groups of 2 x 2 texels, of which those are left out for which
+   a block was in vain above. */
 #define CONEMAP__PART_WIDTH (CONEMAP__LANES == 1 ? 2 : CONEMAP__TILE)
 #define CONEMAP__PART_HEIGHT (CONEMAP__LANES == 1 || CONEMAP__LANES > CONEMAP__TILE ? 2 : 1)
 #define CONEMAP__LANE_WIDTH (CONEMAP__LANES < CONEMAP__TILE ? CONEMAP__LANES : CONEMAP__TILE)
@@ -15381,8 +15435,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
                          CONEMAP__F1(row[0]));
 }
 
-/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks only
-   where it is `asked` to. */
+/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks
+   only where it is `asked` to. */
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2,
                                                   CONEMAP__F y2, int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
     CONEMAP__F dh;
@@ -15439,8 +15493,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
     return 1;
 }
 
-/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from the
-   tile's corner. `plain`: vertex cones without slack. */
+/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from
+   the tile's corner. `plain`: vertex cones without slack. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x, int y,
                                               const float *heights, int texels, int plain) {
     float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
@@ -15472,7 +15526,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
     tile->noted += texels;
 }
 
-/* With slack, of the texels for which a block beats the bar those for which it does so by the factor; *folded: the others. */
+/* With slack, of the texels for which a block beats the bar those for which it does so by the factor; *folded: the
+   others. */
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F bar,
                                                          CONEMAP__F dh2, CONEMAP__F d2, CONEMAP__F *folded) {
     CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2 - search->deflate)), wide;
@@ -15512,8 +15567,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
     some[3] = CONEMAP__OR(some[3], beats[3]);
 }
 
-/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one nearest
-   to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
+/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one
+   nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
 CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile, int k,
                                           int x, int y, int groups, int skip, conemap__node *out, int plain) {
     const conemap_pyramid *pyramid = &map->build.texels;
@@ -15890,7 +15945,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__STOREDF(rays->state + at, CONEMAP__PICKD(close, zero, state));
 }
 
-/* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends it. */
+/* Narrows [t0, t1] to where a slab is crossed, as conemap__clip; returns the lanes where it is this slab that ends
+   it. */
 CONEMAP__HELPER CONEMAP__W CONEMAP__KERNEL(clip)(CONEMAP__D o, CONEMAP__D v, double low, double high, CONEMAP__D *t0,
                                                  CONEMAP__D *t1) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), never = CONEMAP__D1(CONEMAP__NEVER);
@@ -16091,7 +16147,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADF(rays->cell[0]), CONEMAP__LOADF(rays->cell[1]));
 }
 
-/* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are aboard. */
+/* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are
+   aboard. */
 CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_of_rays *rays, int at) {
     CONEMAP__F state = CONEMAP__LOADF(rays->state + at);
     int arrived = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(1.5f), state));
@@ -16110,9 +16167,9 @@ CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_o
     return aboard;
 }
 
-/* Groups take turns, so that what one waits for, memory, divisions and branches, is there when its turn comes again: what
-   it will read is asked for in the turn before. A group in which half the lanes or fewer fly on has its close lanes meet
-   their patches in the next turn, and its arrived rays make room in the one after. */
+/* Groups take turns, so that what one waits for, memory, divisions and branches, is there when its turn comes again:
+   what it will read is asked for in the turn before. A group in which half the lanes or fewer fly on has its close
+   lanes meet their patches in the next turn, and its arrived rays make room in the one after. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
     enum { FLY, AIM, MEET, CHANGE, DONE };
     int turn[CONEMAP__SLOTS / CONEMAP__LANES];
