@@ -1016,8 +1016,8 @@ CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, 
    and EXACT prunes, so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE,
    PARAMETER (batch below 0), UNSUPPORTED (other generators, sectors), BUFFER (capacity below the count; nothing is
    written). */
-CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes, int capacity,
-                                              int *count);
+CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes,
+                                              int capacity, int *count);
 
 /* ======================================================================================================
    F R U S T A
@@ -2094,7 +2094,8 @@ typedef struct conemap__tile {
 #define CONEMAP__EIGHTHS 8
 static const float conemap__piece_x[2 * CONEMAP__EIGHTHS] = {0, .25f, .5f, .75f, 0, .25f, .5f, .75f,
                                                             0, .25f, .5f, .75f, 0, .25f, .5f, .75f};
-static const float conemap__piece_y[2 * CONEMAP__EIGHTHS] = {0, 0, 0, 0, .5f, .5f, .5f, .5f, 0, 0, 0, 0, .5f, .5f, .5f, .5f};
+static const float conemap__piece_y[2 * CONEMAP__EIGHTHS] = {0, 0, 0, 0, .5f, .5f, .5f, .5f, 0, 0, 0, 0, .5f, .5f, .5f,
+                                                             .5f};
 
 /* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4
    of the proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V),
@@ -2323,7 +2324,8 @@ CONEMAP__INLINE void conemap__land(conemap__stream *stream, const conemap__block
 }
 
 #define CONEMAP__MOVE(column) to->column[to_slot] = from->column[slot]
-CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot, conemap__block_of_rays *to, int to_slot) {
+CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot, conemap__block_of_rays *to,
+                                   int to_slot) {
     int k;
     to->now[to_slot] = to->steps[to_slot] = 0.0f;
     to->t[to_slot] = 0.0;
@@ -2382,23 +2384,23 @@ typedef struct conemap__kernels {
     void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
     /* The steepest that a few neighbours make of it: maxima of dh^2 * inverse[k] over height differences to the texel
        columns[k] to the right in rows[k]. */
-    void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n, int width,
-                     int wraps, int first, int count, float *out);
+    void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n,
+                     int width, int wraps, int first, int count, float *out);
     /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells
        near it; or, given what is known of the texels in this row, from each cell, by its lower corner, up to the
        vertices near it. rows[k] is the k-th row from this one, null where there is none. */
-    void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps, const float *known,
-                       int first, int count, float *out);
+    void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps,
+                       const float *known, int first, int count, float *out);
     /* Step 4 of the proof of safe cones: the eye at the origin sees a patch whose corner k stands at
        (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above it. The larger of `best` and a bound of the squared slope.
        `above` is a bound that the whole patch has already, so that its pieces are never worse. */
     float (*patch)(const float *h, float x, float y, float size_x, float size_y, float above, float best);
     /* Maxima over n planes' rows, each shifted by so many columns; beyond a border it is repeated. */
-    void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first, int count,
-                         float *out);
+    void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first,
+                         int count, float *out);
     /* [VB22] for up to 16 columns of a row: squared slopes, at least `least`. */
-    void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns, const conemap__quick_level *levels,
-                      const float *heights, float least, int count, float *out);
+    void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns,
+                      const conemap__quick_level *levels, const float *heights, float least, int count, float *out);
     /* Raises a tile's slopes to the steepest there is. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
     /* The larger of two rows; and what a square, the larger of two places in a row, does to conemap__look's columns. */
@@ -2834,7 +2836,8 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__PICKI(m, a, b) vbslq_s32(m, a, b)
 #define CONEMAP__ANY(m) (vmaxvq_u32(m) != 0)
 #define CONEMAP__BITS(m)                                                                                   \
-    ((int)vaddvq_u32(vandq_u32(m, vcombine_u32(vcreate_u32(UINT64_C(0x200000001)), vcreate_u32(UINT64_C(0x800000004))))))
+    ((int)vaddvq_u32(vandq_u32(m, vcombine_u32(vcreate_u32(UINT64_C(0x200000001)),
+                                               vcreate_u32(UINT64_C(0x800000004))))))
 #define CONEMAP__TOF(i) vcvtq_f32_s32(i)
 #define CONEMAP__TOI(f) vcvtq_s32_f32(f)
 #define CONEMAP__BITSF(i) vreinterpretq_f32_s32(i)
@@ -3372,8 +3375,8 @@ typedef struct conemap__sector_search {
 
 /* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As
    conemap__meets. */
-CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i, int high_i,
-                                          int low_j, int high_j, int i, int j, int *dx, int *dy) {
+CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i,
+                                          int high_i, int low_j, int high_j, int i, int j, int *dx, int *dy) {
     int whole = search->sector.major != 0 && search->room &&
                 (search->by_border || conemap__texels_by_border(&map->info, low_i, high_i, low_j, high_j));
     return conemap__meets(search->sector, search->room, whole, low_i - i, high_i - i, low_j - j, high_j - j, dx, dy);
@@ -3431,7 +3434,8 @@ static float conemap__open_seen(const conemap_map *map, conemap__sector_search *
         float slope2;
         if (!conemap__may_beat(search, c.dh2, c.d2, s)) continue;
         if (c.k > 0) {
-            count += conemap__push_seen(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1, stack + count);
+            count += conemap__push_seen(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1,
+                                        stack + count);
             continue;
         }
         if (c.d2 + search->common.deflate < search->common.near2) continue; /* left to conemap__near_row */
@@ -3448,7 +3452,8 @@ static float conemap__open_seen(const conemap_map *map, conemap__sector_search *
 /* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image
    decides. In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow
    maps), unless nothing so far away can beat s. */
-static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex, float s) {
+static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex,
+                           float s) {
     int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
     float period = (float)size * (along_v ? search->common.b : search->common.a);
     float room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - apex, reach;
@@ -3467,7 +3472,8 @@ static float conemap__search_sector(const conemap_map *map, conemap__sector_sear
     search->folded = 0.0f;
     search->by_border = search->sector.major != 0 && conemap__texels_by_border(info, i, i, j, j);
     if ((search->best_i != i || search->best_j != j) &&
-        conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j, search->best_j, i, j, &di, &dj)) {
+        conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j, search->best_j, i, j, &di,
+                              &dj)) {
         float x = (float)(search->best_i - i) * search->common.a, y = (float)(search->best_j - j) * search->common.b;
         float d2 = x * x + y * y;
         dh = conemap__height(map, conemap__texel_index(search->best_i, w, info->wrap_u),
@@ -3561,7 +3567,8 @@ static void conemap__quick_axis(int size, conemap_wrap wrap, int at, int levels,
             out[k].node[side] = b.node[side];
             out[k].p[side] = out[k].q[side] = exists ? distance * distance : CONEMAP__FAR;
             if (!improved || center || !exists) continue;
-            distance = conemap__nearest_unseen(&b, side, seen_low, seen_high, &unseen) ? (float)unseen * texel : 1.0e19f;
+            distance = conemap__nearest_unseen(&b, side, seen_low, seen_high, &unseen) ? (float)unseen * texel
+                : 1.0e19f;
             out[k].p[side] = distance * distance;
         }
         seen_low = b.low[0] <= b.high[0] ? b.low[0] : b.low[1];
@@ -3722,7 +3729,8 @@ CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j
 
 /* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with
    per_cell: of what rows y0 to y1 know. At most 13. */
-static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows, int *columns) {
+static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows,
+                            int *columns) {
     int h = map->info.height, r, c, n = 0, cells = map->info.texture.per_cell != 0;
     size_t first = (size_t)sector * conemap__texels(map);
     for (r = cells ? 0 : -1; r <= 1; ++r) {
@@ -3820,7 +3828,8 @@ static float conemap__cell_slope2(const conemap__band *band, int i, int j, int k
     float apex = conemap__vertex(band->map, k, l), h[4];
     int c;
     for (c = 0; c < 4; ++c) h[c] = sign * (conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex);
-    return conemap__patch_slope2(band->map, h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b, best);
+    return conemap__patch_slope2(band->map, h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b,
+                                 best);
 }
 
 /* Step 4's bound for a corner that rises dh, or 0 where it means nothing (conemap__close_pairs sees to those). */
@@ -3935,7 +3944,8 @@ static void conemap__known(const conemap__band *band, int j, int x, int count, i
 static void conemap__find_sights(const conemap__band *band, float near2, conemap__sights *sights) {
     const conemap_info *info = &band->map->info;
     double a = (double)band->a, b = (double)band->b;
-    int reach_u = a > 0.0 ? (int)(sqrtf(near2) / band->a) + 1 : 0, reach_v = b > 0.0 ? (int)(sqrtf(near2) / band->b) + 1 : 0;
+    int reach_u = a > 0.0 ? (int)(sqrtf(near2) / band->a) + 1 : 0,
+        reach_v = b > 0.0 ? (int)(sqrtf(near2) / band->b) + 1 : 0;
     int x, y, i, j, used = 0;
     memset(sights, 0, sizeof *sights);
     sights->step_x = info->width > 1;
@@ -3977,15 +3987,16 @@ static void conemap__sights_rows(const conemap__band *band, const conemap__sight
     int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x;
     int count = of_cells && !wraps ? conemap__maxi(w - 1, 1) : w;
     for (j = band->y0; j < band->y1; ++j) {
-        float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w : plane;
+        float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w
+            : plane;
         if (of_cells && !conemap__cell_exists(map, 0, j)) continue;
         for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
             rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, j + k);
         for (x = 0; x < count; x += CONEMAP__RUN) {
             int first = x, run = conemap__mini(CONEMAP__RUN, count - x);
             if (conemap__cut_run(map, 0, &first, j, &run, CONEMAP__SEARCH))
-                conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps, of_cells ? plane : NULL,
-                                                          first, run, out + first);
+                conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
+                                                          of_cells ? plane : NULL, first, run, out + first);
         }
     }
 }
@@ -4035,7 +4046,8 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
         for (i = 0; i < count; ++i) {
             float apex, best = known[i], *at;
             if (!(bounds[i] > known[i])) continue;
-            if (!conemap__is_wanted(map, band->sector.number, x + i, conemap__repeat(j, map->info.height), CONEMAP__SEARCH)) continue;
+            if (!conemap__is_wanted(map, band->sector.number, x + i, conemap__repeat(j, map->info.height),
+                                    CONEMAP__SEARCH)) continue;
             at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
             if (at) best = conemap__max(best, *at);
             apex = conemap__vertex(map, x + i, j);
@@ -4147,8 +4159,8 @@ static float conemap__far_cell(const conemap__band *band, int i, int j, int ui, 
 }
 
 /* Square of the distance from vertex (i, j) to the nearest corner of cells low..high. */
-CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i, int high_i, int low_j, int high_j, int i,
-                                           int j) {
+CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i, int high_i, int low_j, int high_j,
+                                           int i, int j) {
     float x = (float)conemap__maxi(0, conemap__maxi(low_i - i, i - (high_i + 1))) * band->a;
     float y = (float)conemap__maxi(0, conemap__maxi(low_j - j, j - (high_j + 1))) * band->b;
     return x * x + y * y;
@@ -4403,7 +4415,8 @@ static conemap_result conemap__resolve(conemap_desc *desc) {
     if (desc->texture.sectors > 1 && desc->generator != CONEMAP_EXACT) return CONEMAP_ERROR_UNSUPPORTED;
     if (!conemap__in_range(desc->aspect, 1.0f / 32768.0f, 32768.0f) ||
         !conemap__in_range(desc->max_tan, 1.0f / 65536.0f, CONEMAP_TAN_LIMIT) ||
-        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) || desc->march_steps < 0 ||
+        !conemap__in_range(desc->hybrid_weight, 0.0f, 1.0f) || !conemap__in_range(desc->slack, 0.0f, 16.0f) ||
+        desc->march_steps < 0 ||
         desc->march_steps > 65536 || desc->ring_limit < 0)
         return CONEMAP_ERROR_PARAMETER;
     if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
@@ -4439,7 +4452,8 @@ static conemap_result conemap__plan(conemap_map *map, const conemap_desc *desc, 
     map->build.search_v = map->build.texel_v;
     map->build.least_slope2 = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
     planes = (size_t)conemap__planes(info);
-    if (!conemap__add_size(&memory, texels, sizeof(float)) || !conemap__add_size(&memory, texels, planes * sizeof(float)))
+    if (!conemap__add_size(&memory, texels, sizeof(float)) ||
+        !conemap__add_size(&memory, texels, planes * sizeof(float)))
         return CONEMAP_ERROR_OVERFLOW;
     strips = (h + CONEMAP__STRIP - 1) / CONEMAP__STRIP;
     jobs[CONEMAP__PASS_DECODE] = strips;
@@ -4508,7 +4522,8 @@ static void conemap__release(const conemap_allocator *allocator, void *memory, i
 /* Would the two descs behind these infos make the same cones of the same heights? */
 static int conemap__same_settings(const conemap_info *a, const conemap_info *b) {
     return a->width == b->width && a->height == b->height && a->wrap_u == b->wrap_u && a->wrap_v == b->wrap_v &&
-           conemap__bits(a->aspect) == conemap__bits(b->aspect) && conemap__bits(a->max_tan) == conemap__bits(b->max_tan) &&
+           conemap__bits(a->aspect) == conemap__bits(b->aspect) &&
+           conemap__bits(a->max_tan) == conemap__bits(b->max_tan) &&
            a->texture.format == b->texture.format && a->texture.encoding == b->texture.encoding &&
            a->texture.layout == b->texture.layout && !a->texture.per_cell == !b->texture.per_cell &&
            conemap__planes(a) == conemap__planes(b) &&
@@ -4565,7 +4580,8 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
     conemap__cut_pyramid(&map->cells, 1, &cursor);
     if (map->build.keeps_search) {
         size_t blocks = (size_t)conemap__bands(map->info.width) * (size_t)conemap__bands(map->info.height);
-        map->build.survey = (float *)conemap__cut(&cursor, 2 * (size_t)conemap__planes(&map->info) * blocks, sizeof(float));
+        map->build.survey = (float *)conemap__cut(&cursor, 2 * (size_t)conemap__planes(&map->info) * blocks,
+                                                  sizeof(float));
         conemap__cut_maxima(map, &cursor);
     }
     if (scratch_size > 0) {
@@ -4575,7 +4591,8 @@ static conemap_result conemap__allocate(conemap_map *map, size_t memory_size, si
         if (conemap__is_bilinear(&map->info))
             map->build.cell_slopes = (float *)conemap__cut(&cursor, texels, planes * sizeof(float));
         map->build.plane =
-            conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, planes * sizeof(float)) : map->build.cones;
+            conemap__needs_plane(map) ? (float *)conemap__cut(&cursor, texels, planes * sizeof(float))
+                : map->build.cones;
         map->build.job_results = cursor;
         memset(cursor, 0, scratch_size - (size_t)(cursor - (unsigned char *)map->build.scratch));
     }
@@ -4673,7 +4690,8 @@ static conemap_result conemap__search_rows(const conemap_map *map, conemap__sear
             if (x % 512 == 512 - CONEMAP__TILE || x + CONEMAP__TILE >= w) {
                 conemap_result result = conemap__report(
                     map, CONEMAP__PASS_CONES, 0,
-                    (double)y + (double)conemap__mini(CONEMAP__TILE, y1 - y) * (double)(x + 1) / (double)(w + CONEMAP__TILE));
+                    (double)y + (double)conemap__mini(CONEMAP__TILE, y1 - y) *
+                    (double)(x + 1) / (double)(w + CONEMAP__TILE));
                 if (result != CONEMAP_OK) return result;
             }
         }
@@ -4686,8 +4704,8 @@ static void conemap__tangent_rows(const conemap_map *map, float *plane, int y0, 
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)map->info.width;
         const float *slopes = row;
-        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, map->info.width,
-                                                   row);
+        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan,
+                                                   map->info.width, row);
     }
 }
 
@@ -4730,8 +4748,8 @@ static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1
 }
 
 /* The same for one sector, texel by texel. */
-static conemap_result conemap__sector_rows(const conemap_map *map, const conemap__search *common, int sector, int y0, int y1,
-                                           float *slopes) {
+static conemap_result conemap__sector_rows(const conemap_map *map, const conemap__search *common, int sector, int y0,
+                                           int y1, float *slopes) {
     conemap__sector_search search;
     int x, y, w = map->info.width;
     memset(&search, 0, sizeof search);
@@ -4938,7 +4956,8 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
     }
     kernels->store_row(&map->info, map->heights + at, tangents, count, cones);
     for (k = 0; k < count; ++k)
-        if (conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE)) map->build.cones[first + at + (size_t)k] = cones[k];
+        if (conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE))
+            map->build.cones[first + at + (size_t)k] = cones[k];
 }
 
 static void conemap__store_rows(conemap_map *map, int sector, int y0, int y1) {
@@ -4975,7 +4994,8 @@ static void conemap__survey_band(const conemap_map *map, int sector, int band) {
         float *survey = conemap__surveyed(map, sector, block, band);
         int x1 = conemap__mini((block + 1) * CONEMAP__BAND, w), wanted = 0;
         for (y = band * CONEMAP__BAND; y < y1; ++y)
-            for (x = block * CONEMAP__BAND; x < x1; ++x) wanted |= conemap__is_wanted(map, sector, x, y, CONEMAP__STORE);
+            for (x = block * CONEMAP__BAND; x < x1; ++x)
+                wanted |= conemap__is_wanted(map, sector, x, y, CONEMAP__STORE);
         if (!wanted) continue;
         survey[0] = survey[1] = CONEMAP__FAR;
         for (y = band * CONEMAP__BAND; y < y1; ++y)
@@ -5179,9 +5199,11 @@ static float conemap__least_floor(const conemap_map *map, const float *cones, in
     int a, b;
     for (b = -reach; b <= reach; ++b)
         for (a = -reach; a <= reach; ++a) {
-            size_t row = (size_t)conemap__texel_index(j + b, map->info.height, map->info.wrap_v) * (size_t)map->info.width;
+            size_t row = (size_t)conemap__texel_index(j + b, map->info.height, map->info.wrap_v) *
+                (size_t)map->info.width;
             least = conemap__min(least, conemap__slope_floor(
-                                            map, cones, row + (size_t)conemap__texel_index(i + a, map->info.width, map->info.wrap_u)));
+                                            map, cones, row + (size_t)conemap__texel_index(i + a, map->info.width,
+                                                map->info.wrap_u)));
         }
     return least;
 }
@@ -5200,7 +5222,8 @@ static int conemap__block_reached(const conemap__edit *edit, int block_u, int bl
         for (a = -1; a <= 1; ++a)
             least = conemap__min(least, conemap__surveyed(map, edit->sector.number,
                                                           conemap__texel_index(block_u + a, bands_u, map->info.wrap_u),
-                                                          conemap__texel_index(block_v + b, bands_v, map->info.wrap_v))[1]);
+                                                          conemap__texel_index(block_v + b, bands_v,
+                                                                               map->info.wrap_v))[1]);
     return conemap__edit_matters(edit, d2, conemap__surveyed(map, edit->sector.number, block_u, block_v)[0], least);
 }
 
@@ -5235,10 +5258,12 @@ static void conemap__update_cells(conemap_map *map, const conemap__edit *edit) {
     int y0 = edit->y - 1 + first_v, y1 = edit->y + edit->height - 1 + first_v, last_v = map->cells.height[0] - 1, a, b;
     for (b = 0; b < 2; ++b)
         for (a = 0; a < 2; ++a) {
-            if ((a && (x0 >= 0 || map->info.wrap_u != CONEMAP_WRAP)) || (b && (y0 >= 0 || map->info.wrap_v != CONEMAP_WRAP)))
+            if ((a && (x0 >= 0 || map->info.wrap_u != CONEMAP_WRAP)) ||
+                (b && (y0 >= 0 || map->info.wrap_v != CONEMAP_WRAP)))
                 continue;
-            conemap__pyramid_region(map, &map->cells, a ? last_u : conemap__maxi(x0, 0), a ? last_u : conemap__mini(x1, last_u),
-                                    b ? last_v : conemap__maxi(y0, 0), b ? last_v : conemap__mini(y1, last_v));
+            conemap__pyramid_region(map, &map->cells, a ? last_u : conemap__maxi(x0, 0),
+                                    a ? last_u : conemap__mini(x1, last_u), b ? last_v : conemap__maxi(y0, 0),
+                                    b ? last_v : conemap__mini(y1, last_v));
         }
 }
 
@@ -5298,8 +5323,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
     if (result == CONEMAP_OK)
-        result = conemap__take(&settings.allocator, NULL, 0, size + (size_t)width * (size_t)height * sizeof(float), &buffer,
-                               &k);
+        result = conemap__take(&settings.allocator, NULL, 0, size + (size_t)width * (size_t)height * sizeof(float),
+                               &buffer, &k);
     memset(&edit, 0, sizeof edit);
     if (result == CONEMAP_OK) {
         edit.map = &work;
@@ -5318,7 +5343,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
                                                                   aligned */
             if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k, work.build.plane))
                 result = CONEMAP_ERROR_HEIGHT;
-            memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane, (size_t)width * sizeof(float));
+            memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane,
+                   (size_t)width * sizeof(float));
         }
     }
     if (result == CONEMAP_OK) {
@@ -5329,7 +5355,8 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
         partly = conemap__updates_partly(&settings, &work.info);
         memset(edit.wanted, partly ? 0 : CONEMAP__SEARCH | CONEMAP__STORE, size);
         if (conemap__is_bilinear(&work.info)) {
-            edit.deflate = 0.25f * (work.build.search_u * work.build.search_u + work.build.search_v * work.build.search_v);
+            edit.deflate = 0.25f * (work.build.search_u * work.build.search_u + work.build.search_v *
+                                    work.build.search_v);
             edit.near2 = edit.deflate / CONEMAP__TOLERANCE;
         }
         for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
@@ -5579,7 +5606,8 @@ CONEMAP__DEF conemap_result conemap_load_info(const void *bytes, size_t size, co
     if (words[2] < 1 || words[3] < 1 || words[2] > CONEMAP_MAX_SIZE || words[3] > CONEMAP_MAX_SIZE ||
         words[4] >= CONEMAP_WRAP_COUNT || words[5] >= CONEMAP_WRAP_COUNT || words[8] >= CONEMAP_FORMAT_COUNT ||
         words[9] >= CONEMAP_ENCODING_COUNT || words[10] >= CONEMAP_LAYOUT_COUNT || words[11] > 1 ||
-        words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 || words[13] >= CONEMAP_GUARANTEE_COUNT ||
+        words[12] < 1 || words[12] >= CONEMAP_GENERATOR_COUNT || words[13] < 1 ||
+        words[13] >= CONEMAP_GUARANTEE_COUNT ||
         words[14] > 1 || words[15] > 1 || words[17] > 8)
         return CONEMAP_ERROR_FILE_CORRUPT;
     memset(&read, 0, sizeof read);
@@ -5745,8 +5773,8 @@ typedef struct conemap__mix {
     float height, tangent;
 } conemap__mix;
 
-CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, const float *cones, conemap__quad quad, float x,
-                                                  float y) {
+CONEMAP__INLINE conemap__mix conemap__sample_cell(const conemap_map *map, const float *cones, conemap__quad quad,
+                                                  float x, float y) {
     conemap__mix mix;
     float cone = map->info.texture.per_cell ? cones[quad.at00] : conemap__bilinear(conemap__gather(cones, quad), x, y);
     mix.height = conemap__bilinear(conemap__gather(map->heights, quad), x, y);
@@ -5953,7 +5981,8 @@ CONEMAP__INLINE double conemap__ascent(double g0, double g1, double d0, double d
 }
 
 /* Do two cells count for each other's whole quadrants? See conemap__by_border. */
-CONEMAP__INLINE int conemap__by_border_pair(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
+CONEMAP__INLINE int conemap__by_border_pair(const conemap__proof *proof, const conemap__patch *p,
+                                            const conemap__patch *q) {
     return conemap__border_cell(proof->info, p->i, p->j) || conemap__border_cell(proof->info, q->i, q->j);
 }
 
@@ -6006,7 +6035,8 @@ CONEMAP__INLINE int conemap__sees_box(const conemap__proof *proof, double left, 
     double x = proof->sector.su > 0 ? right : -left, y = proof->sector.sv > 0 ? down : -up;
     if ((x <= 0.0 && proof->info->width > 1) || (y <= 0.0 && proof->info->height > 1)) return 0;
     if (proof->sector.major == 0 || whole) return 1;
-    return proof->sector.major == 1 ? x > (proof->sector.sv > 0 ? up : -down) : y > (proof->sector.su > 0 ? left : -right);
+    return proof->sector.major == 1 ? x > (proof->sector.sv > 0 ? up : -down)
+        : y > (proof->sector.su > 0 ? left : -right);
 }
 
 CONEMAP__INLINE int conemap__sees_patch(const conemap__proof *proof, const conemap__patch *p, const conemap__patch *q) {
@@ -6055,7 +6085,8 @@ static void conemap__prove(conemap__proof *proof, const conemap__patch *p, const
             double dx = q->x + (j & 1 ? q->sx : 0.0) - p->x - (i & 1 ? p->sx : 0.0);
             double dy = q->y + (j & 2 ? q->sy : 0.0) - p->y - (i & 2 ? p->sy : 0.0);
             double d2 = dx * dx * aa + dy * dy * bb, rise = q->h[j] - p->h[i] - slack, side;
-            if ((half_x && dx * (double)proof->sector.su < 0.0) || (half_y && dy * (double)proof->sector.sv < 0.0)) continue;
+            if ((half_x && dx * (double)proof->sector.su < 0.0) || (half_y && dy * (double)proof->sector.sv < 0.0))
+                continue;
             side = (rise - 2.0 * CONEMAP__VERIFY_GRAIN) * p->t[i];
             if (side > 0.0 && side * side > d2 && conemap__sees_point(proof, p, q, dx, dy)) { /* the corner tangents are
                                                                                                  exact, so this one is
@@ -6308,7 +6339,8 @@ CONEMAP__DEF conemap_result conemap_verify(const conemap_info *info, const float
                 proof.sector = conemap__make_sector(info, k);
                 conemap__whole_patch(&proof, i, j, 1, &patch);
                 /* (c) for the whole surface; no point of it rises by more than 1. */
-                if (!(conemap__most4(patch.t) * steepest[k] > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN)) continue;
+                if (!(conemap__most4(patch.t) * steepest[k] > 1.0 + CONEMAP__VERIFY_APEX - CONEMAP__VERIFY_GRAIN))
+                    continue;
                 conemap__prove_cell(&proof, &patch);
                 found |= proof.found;
                 open |= proof.open;
@@ -7571,8 +7603,8 @@ static void conemap__look_quadrant(conemap__look *look, int quadrant) {
         for (y = 0; y < h; ++y) {
             size_t at = (size_t)y * (size_t)w;
             int du = conemap__look_rows(look, y, side - look->side);
-            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code), conemap__mini(next, 31), w,
-                                    look->slopes + at, look->clear + at);
+            look->kernels->rise_row(look->row, du, look->tops + at, 1.0f / (float)conemap__reach(code),
+                                    conemap__mini(next, 31), w, look->slopes + at, look->clear + at);
         }
     }
     for (y = 0; y < h; ++y)
@@ -7623,7 +7655,8 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     look.h = conemap__table_size(map->info.height, map->info.wrap_v);
     cells = (size_t)look.w * (size_t)look.h;
     prepared->memory_size = conemap_prepare_memory(map);
-    if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21 || !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
+    if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21 ||
+        !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
         !conemap__add_size(&bytes, (size_t)look.w, 2 * sizeof(float))) {
         memset(prepared, 0, sizeof *prepared);
         return CONEMAP_ERROR_OVERFLOW;
@@ -8545,7 +8578,8 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
         if (wanted && *text == '@') { /* a piece of several lines */
             const int shift = text[1] == '<' ? 4 : 0;
             const char kind = text[shift ? 2 : 1];
-            const char *part = kind == 'm' ? conemap__move_text : kind == 's' ? conemap__surface_text : conemap__cone_text;
+            const char *part = kind == 'm' ? conemap__move_text : kind == 's' ? conemap__surface_text
+                : conemap__cone_text;
             e->shift += shift;
             conemap__lines(e, part, needs);
             e->shift -= shift;
@@ -9462,7 +9496,8 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_maxima] = kernel == CONEMAP_KERNEL_MAXIMA;
     f[conemap__flag_quick] = kernel == CONEMAP_KERNEL_QUICK;
     f[conemap__flag_search] = kernel == CONEMAP_KERNEL_EXACT;
-    f[conemap__flag_improved] = d->map.generator != CONEMAP_QUICK_NAIVE && d->map.generator != CONEMAP_QUICK_NAIVE_CENTER;
+    f[conemap__flag_improved] = d->map.generator != CONEMAP_QUICK_NAIVE &&
+        d->map.generator != CONEMAP_QUICK_NAIVE_CENTER;
     f[conemap__flag_center] =
         d->map.generator == CONEMAP_QUICK_CENTER || d->map.generator == CONEMAP_QUICK_NAIVE_CENTER;
     f[conemap__flag_batched] = f[conemap__flag_ring] || f[conemap__flag_search];
@@ -9578,8 +9613,8 @@ typedef struct conemap__pass_list {
     int count, state;         /* the copy that holds the state now */
 } conemap__pass_list;
 
-static void conemap__list_pass(conemap__pass_list *list, conemap_kernel kernel, int level, int first, int last, int width,
-                               int height) {
+static void conemap__list_pass(conemap__pass_list *list, conemap_kernel kernel, int level, int first, int last,
+                               int width, int height) {
     conemap_gpu_pass pass;
     memset(&pass, 0, sizeof pass);
     pass.kernel = kernel;
@@ -9614,7 +9649,8 @@ static void conemap__list_rings(conemap__pass_list *list, const conemap_info *in
     int first = 1, last;
     for (; first <= last_of_all; first = last + 1) {
         last = first;
-        while (last < last_of_all && 4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch) ++last;
+        while (last < last_of_all && 4 * ((int64_t)(last + 1) * (last + 2) - (int64_t)first * (first - 1)) <= batch)
+            ++last;
         conemap__list_pass(list, CONEMAP_KERNEL_RING, 0, first, last, info->width, info->height);
     }
 }
@@ -9630,7 +9666,8 @@ static void conemap__list_blocks(conemap__pass_list *list, const conemap_info *i
     blocks = (int64_t)(((info->width - 1) >> level) + 1) * (((info->height - 1) >> level) + 1);
     for (first = 0; first < blocks; first += at_once)
         conemap__list_pass(list, CONEMAP_KERNEL_EXACT, level, (int)first,
-                           (int)(first + at_once < blocks ? first + at_once - 1 : blocks - 1), info->width, info->height);
+                           (int)(first + at_once < blocks ? first + at_once - 1 : blocks - 1), info->width,
+                           info->height);
 }
 
 static void conemap__list_all(conemap__pass_list *list, const conemap_shader_desc *desc, int batch) {
@@ -14093,7 +14130,8 @@ typedef struct conemap__place_of {
 } conemap__place_of;
 
 /* Starts a flight from a place towards a direction of the world. Returns the flight's z1. */
-static double conemap__look_along(const conemap__place_of *place, const float direction[3], double t_max, conemap__course *f,
+static double conemap__look_along(const conemap__place_of *place, const float direction[3], double t_max,
+                                  conemap__course *f,
                             int *meets) {
     double o[2], v[2], z[3];
     float d[3];
@@ -15170,8 +15208,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(over)(CONEMAP__F rise, float length) 
     return length > 0.0f ? CONEMAP__DIV(rise, CONEMAP__F1(length)) : CONEMAP__F1(0.0f);
 }
 
-CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps, float a,
-                                                     float b, float *out) {
+CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps,
+                                                     float a, float b, float *out) {
     int x;
     for (x = 0; x < width; x += CONEMAP__LANES) {
         CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + x, width - x), h01 = CONEMAP__KERNEL(load)(below + x, width - x);
@@ -15181,7 +15219,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const f
         CONEMAP__F across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h01, h00), CONEMAP__SUB(h11, h10));
         along = CONEMAP__KERNEL(over)(along, a);
         across = CONEMAP__KERNEL(over)(across, b);
-        CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)), width - x);
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)),
+                               width - x);
     }
 }
 
@@ -15205,7 +15244,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, in
                                                     float least, float *out) {
     int x, c, r;
     for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least), along[2], slope_x[2];
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least), along[2],
+            slope_x[2];
         for (c = 0; c < 2; ++c) {
             along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
             slope_x[c] = CONEMAP__KERNEL(over)(CONEMAP__MAX(along[c], CONEMAP__F1(0.0f)), a);
@@ -15231,7 +15271,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, in
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(near_row)(const float *row, const float *const *rows, const int *columns,
-                                                 const float *inverse, int n, int width, int wraps, int first, int count,
+                                                 const float *inverse, int n, int width, int wraps, int first,
+                                                     int count,
                                                  float *out) {
     int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
@@ -15246,20 +15287,22 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(near_row)(const float *row, const float *
     }
 }
 
-CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps,
-                                                   const float *known, int first, int count, float *out) {
+CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
+                                                   int wraps, const float *known, int first, int count, float *out) {
     const float missing = -1.0e30f;
     int x, k, i, j, of_cells = known != NULL;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), sign = CONEMAP__F1(of_cells ? -1.0f : 1.0f);
         if (of_cells) { /* what its corners have is all the same as a cell's own */
             best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x, width, wraps, 1, 0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x + sights->step_x, width, wraps, 1, 0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x + sights->step_x, width, wraps, 1,
+                                                              0.0f));
         }
         for (k = 0; k < sights->count; ++k) {
             int left = first + x + (of_cells ? 0 : sights->x[k]);
             int top = of_cells ? 0 : sights->y[k], eye = first + x - (of_cells ? sights->x[k] : 0);
-            const float *upper = rows[top], *lower = rows[top + sights->step_y], *eyes = rows[of_cells ? -sights->y[k] : 0];
+            const float *upper = rows[top], *lower = rows[top + sights->step_y],
+                *eyes = rows[of_cells ? -sights->y[k] : 0];
             const float *inverse = sights->inverse + sights->first[k];
             CONEMAP__F apex, h00, h10, h01, h11, least, seen;
             if (!upper || !lower || !eyes) continue;
@@ -15277,7 +15320,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights
                                                                                     rounding? */
             seen = CONEMAP__MAX(CONEMAP__ADD(seen, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
             seen = CONEMAP__MUL(seen, CONEMAP__F1(sights->most[k]));
-            if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__LT(best, CONEMAP__MUL(seen, seen)), CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
+            if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__LT(best, CONEMAP__MUL(seen, seen)),
+                                           CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
                 continue;
             seen = CONEMAP__F1(0.0f);
             h10 = CONEMAP__SUB(h10, h00); /* the patch h00 + h10 x + h01 y + h11 x y */
@@ -15285,7 +15329,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights
             h01 = CONEMAP__SUB(h01, h00);
             for (j = 0; j <= CONEMAP__FINEST; j += sights->rows[k]) {
                 CONEMAP__F f = CONEMAP__F1(sights->fraction[j]);
-                CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)), across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
+                CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)),
+                    across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
                 for (i = 0; i <= CONEMAP__FINEST; i += sights->columns[k]) {
                     f = CONEMAP__F1(sights->fraction[i]);
                     f = CONEMAP__MUL(CONEMAP__ADD(rise, CONEMAP__MUL(across, f)), CONEMAP__F1(*inverse++));
@@ -15308,9 +15353,10 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(corner)(CONEMAP__F rise, CONEMAP__F x
 
 /* Bounds for 8 pieces side by side, lengthwise; those whose bound is not tight yet and could matter go on in pieces of
    their own. */
-CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y, float size_x, float size_y, float above,
-                                               float best) {
-    float corners[4][2 * CONEMAP__EIGHTHS], bounds[2 * CONEMAP__EIGHTHS], turned[4], wide = size_x * 0.25f, deep = size_y * 0.5f, v;
+CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y, float size_x, float size_y,
+                                               float above, float best) {
+    float corners[4][2 * CONEMAP__EIGHTHS], bounds[2 * CONEMAP__EIGHTHS], turned[4], wide = size_x * 0.25f,
+        deep = size_y * 0.5f, v;
     int i, k, c, loose = 0, open = 0;
     if (size_x < size_y) { /* the other way about */
         turned[0] = h[0];
@@ -15321,7 +15367,8 @@ CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y,
     }
     v = 0.25f * (wide * wide + deep * deep);
     for (i = 0; i < CONEMAP__EIGHTHS; i += CONEMAP__LANES) {
-        CONEMAP__F zero = CONEMAP__F1(0.0f), fx = CONEMAP__LOADF(conemap__piece_x + i), fy = CONEMAP__LOADF(conemap__piece_y + i);
+        CONEMAP__F zero = CONEMAP__F1(0.0f), fx = CONEMAP__LOADF(conemap__piece_x + i),
+            fy = CONEMAP__LOADF(conemap__piece_y + i);
         CONEMAP__F x0 = CONEMAP__ADD(CONEMAP__F1(x), CONEMAP__MUL(fx, CONEMAP__F1(size_x)));
         CONEMAP__F y0 = CONEMAP__ADD(CONEMAP__F1(y), CONEMAP__MUL(fy, CONEMAP__F1(size_y)));
         CONEMAP__F x1 = CONEMAP__ADD(x0, CONEMAP__F1(wide)), y1 = CONEMAP__ADD(y0, CONEMAP__F1(deep));
@@ -15360,8 +15407,8 @@ CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y,
     for (k = 0, open &= loose; open >> k; ++k) {
         if (!(open >> k & 1) || !(bounds[k] > best)) continue;
         for (c = 0; c < 4; ++c) turned[c] = corners[c][k];
-        best = CONEMAP__KERNEL(patch)(turned, x + conemap__piece_x[k] * size_x, y + conemap__piece_y[k] * size_y, wide, deep,
-                                      bounds[k], best);
+        best = CONEMAP__KERNEL(patch)(turned, x + conemap__piece_x[k] * size_x, y + conemap__piece_y[k] * size_y, wide,
+                                      deep, bounds[k], best);
     }
     return best;
 }
@@ -15437,8 +15484,9 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
 
 /* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks
    only where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2,
-                                                  CONEMAP__F y2, int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar,
+                                                  CONEMAP__F x2, CONEMAP__F y2, int plain, CONEMAP__F *dh2,
+                                                  CONEMAP__F *d2) {
     CONEMAP__F dh;
     if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
@@ -15449,8 +15497,9 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONE
 }
 
 /* Of those the ones that do. */
-CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2,
-                                           int number, int plain, CONEMAP__F *least, CONEMAP__F *s, CONEMAP__I *decider) {
+CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F dh2,
+                                           CONEMAP__F d2, int number, int plain, CONEMAP__F *least, CONEMAP__F *s,
+                                           CONEMAP__I *decider) {
     CONEMAP__F slope2;
     if (!plain) beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
     if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
@@ -15462,9 +15511,9 @@ CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMA
 }
 
 /* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
-CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, conemap__tile *tile, int i, CONEMAP__F left,
-                                               CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom, const float *heights,
-                                               int texels, int number, int plain) {
+CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, conemap__tile *tile, int i,
+                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
+                                               const float *heights, int texels, int number, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), least = CONEMAP__LOADF(tile->slope2 + i), s = least, bar;
     CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
     CONEMAP__M beats[4];
@@ -15495,8 +15544,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
 
 /* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from
    the tile's corner. `plain`: vertex cones without slack. */
-CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x, int y,
-                                              const float *heights, int texels, int plain) {
+CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x,
+                                              int y, const float *heights, int texels, int plain) {
     float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     int c, u, v, i, j, noted, any = 0;
     if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
@@ -15513,7 +15562,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
                 CONEMAP__F top = CONEMAP__KERNEL(of_row)(y2[0] + j), bottom = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
                     won |= CONEMAP__KERNEL(look_from)(search, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
-                                                      CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted, plain);
+                                                      CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted,
+                                                      plain);
             }
             if (CONEMAP__LANES == 1 && won) conemap__lower_bar(tile, 2 * v + u / 2);
             any |= won;
@@ -15528,12 +15578,14 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
 
 /* With slack, of the texels for which a block beats the bar those for which it does so by the factor; *folded: the
    others. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F bar,
-                                                         CONEMAP__F dh2, CONEMAP__F d2, CONEMAP__F *folded) {
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *search, CONEMAP__M beats,
+                                                         CONEMAP__F bar, CONEMAP__F dh2, CONEMAP__F d2,
+                                                         CONEMAP__F *folded) {
     CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2 - search->deflate)), wide;
     if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return beats;
     wide = CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
-    *folded = CONEMAP__MAX(*folded, CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__DIV(dh2, d2), CONEMAP__F1(0.0f)));
+    *folded = CONEMAP__MAX(*folded, CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__DIV(dh2, d2),
+                                                  CONEMAP__F1(0.0f)));
     return CONEMAP__AND(beats, wide);
 }
 
@@ -15569,8 +15621,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
 
 /* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one
    nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
-CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile, int k,
-                                          int x, int y, int groups, int skip, conemap__node *out, int plain) {
+CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile,
+                                          int k, int x, int y, int groups, int skip, conemap__node *out, int plain) {
     const conemap_pyramid *pyramid = &map->build.texels;
     int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, c, u, v, i, j, count = 0;
     int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
@@ -15625,13 +15677,13 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
 }
 
 /* Works the stack off, down to blocks of 2 x 2 texels, which are looked at one by one. */
-CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const conemap__search *search, conemap__tile *tile,
-                                               conemap__node *stack, int count, int plain) {
+CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const conemap__search *search,
+                                               conemap__tile *tile, conemap__node *stack, int count, int plain) {
     while (count > 0) {
         conemap__node node = stack[--count];
         if (node.k > 1) {
-            count += CONEMAP__KERNEL(open)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1, stack + count,
-                                           plain);
+            count += CONEMAP__KERNEL(open)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1,
+                                           stack + count, plain);
         } else {
             int w = map->info.width, x = 2 * node.x, y = 2 * node.y;
             const float *row = map->heights + (size_t)y * (size_t)w + (size_t)x;
@@ -15687,7 +15739,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
     tile->y = y0;
 }
 
-CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile) {
+CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, conemap__search *search,
+                                                    conemap__tile *tile) {
     if (search->deflate > 0.0f || search->near2 > 0.0f || search->widen2 > 1.0f)
         CONEMAP__KERNEL(search_all)(map, search, tile, 0);
     else
@@ -15779,7 +15832,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__blo
                       CONEMAP__SUB(CONEMAP__F1(f->axis[0].table_last), u), u);
     v = CONEMAP__ADD(v, CONEMAP__PICK(CONEMAP__LT(CONEMAP__LOADF(rays->fast[1].sign + at), zero),
                                       CONEMAP__F1(f->axis[1].table_last + 1.0f), zero));
-    CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(CONEMAP__TOI(u), CONEMAP__IMUL(CONEMAP__TOI(v), CONEMAP__I1(f->pitch))));
+    CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(CONEMAP__TOI(u),
+                                                     CONEMAP__IMUL(CONEMAP__TOI(v), CONEMAP__I1(f->pitch))));
     CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at, CONEMAP__LANES);
 }
 
@@ -15821,7 +15875,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     CONEMAP__F vz = CONEMAP__LOADF(rays->vz + at), state = CONEMAP__LOADF(rays->state + at);
     CONEMAP__F reach = CONEMAP__LOADF(rays->reach + at);
     CONEMAP__I record = CONEMAP__GATHERI(f->table, rays->record + at);
-    CONEMAP__I quadrant = CONEMAP__PICKI(CONEMAP__LT(CONEMAP__LOADF(u->sign + at), zero), CONEMAP__ISHR(record, 10), record);
+    CONEMAP__I quadrant = CONEMAP__PICKI(CONEMAP__LT(CONEMAP__LOADF(u->sign + at), zero), CONEMAP__ISHR(record, 10),
+                                         record);
     CONEMAP__I slope_code = CONEMAP__IAND(quadrant, CONEMAP__I1(31));
     CONEMAP__F top = CONEMAP__MUL(CONEMAP__TOF(CONEMAP__IADD(CONEMAP__ISHR(record, 20), CONEMAP__I1(1))),
                                   CONEMAP__F1(1.0f / 4096.0f));
@@ -15833,8 +15888,10 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     clear = CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__IAND(CONEMAP__ISHL(quadrant, 16), CONEMAP__I1(31 << 21)),
                                          CONEMAP__I1(127 << 23))); /* and 1 */
     gap = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__LOADF(rays->z + at), CONEMAP__MUL(vz, t)), top);
-    late_i = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(i, one), CONEMAP__LOADF(u->per_v + at)), CONEMAP__LOADF(u->late + at));
-    late_j = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(j, one), CONEMAP__LOADF(v->per_v + at)), CONEMAP__LOADF(v->late + at));
+    late_i = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(i, one), CONEMAP__LOADF(u->per_v + at)),
+                          CONEMAP__LOADF(u->late + at));
+    late_j = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(j, one), CONEMAP__LOADF(v->per_v + at)),
+                          CONEMAP__LOADF(v->late + at));
     early_i = CONEMAP__SUB(late_i, CONEMAP__LOADF(u->early + at));
     early_j = CONEMAP__SUB(late_j, CONEMAP__LOADF(v->early + at));
     sink = CONEMAP__ADD(t, CONEMAP__MUL(gap, CONEMAP__LOADF(rays->sink + at)));
@@ -15848,8 +15905,10 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     above = CONEMAP__AND(flies, CONEMAP__LT(zero, gap));
     goes = CONEMAP__AND(above, CONEMAP__LE(t_end, CONEMAP__MAX(stop, over)));
     stop = CONEMAP__MIN(stop, t_end);
-    to_i = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(u->behind + at), CONEMAP__MUL(CONEMAP__LOADF(u->v + at), stop))));
-    to_j = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(v->behind + at), CONEMAP__MUL(CONEMAP__LOADF(v->v + at), stop))));
+    to_i = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(u->behind + at),
+                                                  CONEMAP__MUL(CONEMAP__LOADF(u->v + at), stop))));
+    to_j = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(v->behind + at),
+                                                  CONEMAP__MUL(CONEMAP__LOADF(v->v + at), stop))));
     to_i = CONEMAP__MAX(to_i, i);
     to_j = CONEMAP__MAX(to_j, j);
     far_on = CONEMAP__OR(CONEMAP__LT(i, to_i), CONEMAP__LT(j, to_j));
@@ -15877,8 +15936,10 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
     CONEMAP__D i = CONEMAP__LOADFD(rays->cell[0] + at), j = CONEMAP__LOADFD(rays->cell[1] + at);
-    CONEMAP__D enter_i = CONEMAP__KERNEL(border)(u, at, i), leave_i = CONEMAP__KERNEL(border)(u, at, CONEMAP__ADDD(i, one));
-    CONEMAP__D enter_j = CONEMAP__KERNEL(border)(v, at, j), leave_j = CONEMAP__KERNEL(border)(v, at, CONEMAP__ADDD(j, one));
+    CONEMAP__D enter_i = CONEMAP__KERNEL(border)(u, at, i), leave_i = CONEMAP__KERNEL(border)(u, at,
+        CONEMAP__ADDD(i, one));
+    CONEMAP__D enter_j = CONEMAP__KERNEL(border)(v, at, j), leave_j = CONEMAP__KERNEL(border)(v, at,
+        CONEMAP__ADDD(j, one));
     CONEMAP__D t_end = CONEMAP__LOADD(rays->t_end + at), leave = CONEMAP__MIND(leave_i, leave_j);
     CONEMAP__D enter = CONEMAP__MAXD(CONEMAP__PICKD(CONEMAP__LTD(enter_i, never), enter_i, zero),
                                      CONEMAP__PICKD(CONEMAP__LTD(enter_j, never), enter_j, zero));
@@ -15929,11 +15990,13 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     first = CONEMAP__PICKD(inside, zero, first);
     meets = CONEMAP__ANDW(CONEMAP__ORW(meets, inside), CONEMAP__LED(t, leave));
     close = CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state), CONEMAP__LTD(CONEMAP__D1(1.5), state));
-    CONEMAP__STOREDF(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADFD(rays->steps + at), CONEMAP__PICKD(close, one, zero)));
+    CONEMAP__STOREDF(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADFD(rays->steps + at),
+                                                     CONEMAP__PICKD(close, one, zero)));
     CONEMAP__STORED(rays->t + at, CONEMAP__PICKD(close, CONEMAP__ADDD(t, first), CONEMAP__LOADD(rays->t + at)));
     meets = CONEMAP__ANDW(close, meets);
     close = CONEMAP__ANDNOTW(close, meets);
-    CONEMAP__STOREDF(rays->now + at, CONEMAP__PICKD(close, CONEMAP__MULD(end, CONEMAP__D1(1.0 - 1.0 / 4194304.0)), now));
+    CONEMAP__STOREDF(rays->now + at, CONEMAP__PICKD(close, CONEMAP__MULD(end, CONEMAP__D1(1.0 - 1.0 / 4194304.0)),
+                                                    now));
     i = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_i, end)), CONEMAP__ADDD(i, one), i);
     j = CONEMAP__PICKD(CONEMAP__ANDW(close, CONEMAP__LED(leave_j, end)), CONEMAP__ADDD(j, one), j);
     CONEMAP__STOREDF(rays->cell[0] + at, i);
@@ -16030,7 +16093,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     conemap__block_of_rays *rays = f->waiting;
     conemap__stream *stream = &f->stream;
     float columns[8][CONEMAP__DLANES] = {{0}};
-    CONEMAP__D o[3], v[3], per_v[3], longest, power, per_power, t_min, t0, t1, box0, box1, status, z_out, reach, major, t_end, far_u, far_v, error, z;
+    CONEMAP__D o[3], v[3], per_v[3], longest, power, per_power, t_min, t0, t1, box0, box1, status, z_out, reach, major,
+        t_end, far_u, far_v, error, z;
     CONEMAP__W ends, meets, in_box;
     int lanes = 0, k;
     while (lanes < CONEMAP__DLANES && stream->next < stream->count) {
