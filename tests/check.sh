@@ -26,9 +26,14 @@ part() {
         start=$SECONDS
         dir=$work/$(printf %s "$name" | tr -c 'A-Za-z0-9.+-' _)
         mkdir -p "$dir"
-        if "$@" >"$dir/log" 2>&1; then
+        "$@" >"$dir/log" 2>&1
+        status=$?
+        if [ $status = 0 ]; then
             printf 'ok       %s (%d s)\n' "$name" $((SECONDS - start))
             echo >>"$work/ok"
+        elif [ $status = 77 ]; then
+            printf 'skipped  %s: %s\n' "$name" "$(tail -n 1 "$dir/log")"
+            echo >>"$work/skipped"
         else
             printf 'FAILED   %s\n%s\n' "$name" "$(tail -n 25 "$dir/log" | sed 's/^/         | /')"
             echo >>"$work/failed"
@@ -371,7 +376,7 @@ need "fuzz smoke" clang && part "fuzz smoke" fuzz
 
 # ---- emitted shaders through real compilers, and on a software GPU -----------------------------------------------------
 shaders() { # PART [WRITER]
-    sh tests/gpu/shaders.sh "$1" "$dir" "${2:-}" || return 1
+    sh tests/gpu/shaders.sh "$1" "$dir" "${2:-}" || return $?
     cat "$dir/count" >>"$work/counts"
 }
 need "shaders in C" gcc && part "shaders in C" shaders c
@@ -429,42 +434,28 @@ hlsl_run() {
     if have x86_64-w64-mingw32-gcc && { have wine64 || [ -x /usr/lib/wine/wine64 ]; } && spirv_dll; then echo "through Microsoft's compiler"; fi
     shaders hlslrun
 }
-if echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
-    need "shaders in HLSL, run" gcc spirv-cross glslangValidator && part "shaders in HLSL, run" hlsl_run
-else
-    skip "shaders in HLSL, run" "EGL headers"
-fi
+gpu_part() { # NAME COMMAND: exits with 77 where there is no software GPU
+    if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then part "$@"; else skip "$1" "EGL headers"; fi
+}
+need "shaders in HLSL, run" gcc spirv-cross glslangValidator && gpu_part "shaders in HLSL, run" hlsl_run
 software_gpu() {
     gcc -std=c99 -O2 -I. tests/gpu/gl.c -o "$dir/gl" -lEGL -lm || return 1
-    EGL_PLATFORM=surfaceless "$dir/gl" || return 1
+    EGL_PLATFORM=surfaceless "$dir/gl" || return $?
     tail -n 1 "$dir/log" >>"$work/counts"
 }
-if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
-    part "shaders on a software GPU" software_gpu
-else
-    skip "shaders on a software GPU" "EGL headers"
-fi
+gpu_part "shaders on a software GPU" software_gpu
 effects_on_gpu() { # the sheet of examples/effects.c by the CPU and by the shader, and what each effect costs
-    gcc -std=c99 -O2 -I. tests/gpu/effects.c -o "$dir/effects" -lEGL -lGL -lm || return 1
-    EGL_PLATFORM=surfaceless "$dir/effects" "$dir" || return 1
+    gcc -std=c99 -O2 -I. tests/gpu/effects.c -o "$dir/effects" -lEGL -lm || return 1
+    EGL_PLATFORM=surfaceless "$dir/effects" "$dir" || return $?
     tail -n 1 "$dir/log" >>"$work/counts"
     EGL_PLATFORM=surfaceless "$dir/effects" cost "$dir" | sed 's/^/cost  /' | tee -a "$work/counts"
 }
-if have gcc && echo 'int main(void) { return 0; }' | gcc -xc - -lEGL -lGL -o "$work/gl" 2>/dev/null; then
-    part "effects on a software GPU" effects_on_gpu
-else
-    skip "effects on a software GPU" "EGL and GL to link with"
-fi
-
+gpu_part "effects on a software GPU" effects_on_gpu
 frusta_gpu() {
     gcc -std=c99 -O2 -I. tests/gpu/frusta_gl.c -o "$dir/frusta_gl" -lEGL -lm || return 1
     EGL_PLATFORM=surfaceless "$dir/frusta_gl" "$dir"
 }
-if have gcc && echo '#include <EGL/egl.h>' | gcc -E - >/dev/null 2>&1; then
-    part "frusta on a software GPU" frusta_gpu
-else
-    skip "frusta on a software GPU" "EGL headers"
-fi
+gpu_part "frusta on a software GPU" frusta_gpu
 
 # ---- the examples as a person runs them ---------------------------------------------------------------------------
 need "examples" make && part "examples" sh tests/examples.sh

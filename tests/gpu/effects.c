@@ -14,10 +14,7 @@ static conemap_result shade_rays(const conemap_map *map, const conemap_trace_des
 #include "../../examples/effects.c"
 #undef main
 
-#include <EGL/egl.h>
-#define GL_GLEXT_PROTOTYPES
-#include <GL/gl.h>
-#include <GL/glext.h>
+#include "software.h"
 
 enum { INPUTS = 11, OUTPUTS = 4, PROGRAMS = 40, TEXTURES = 8, ROWS_TIMED = 60, TIMES = 7 };
 static int rows = 1; /* how often the rays are drawn, under each other */
@@ -32,22 +29,6 @@ static struct {
     GLuint name;
 } textures[TEXTURES];
 
-static GLuint compile(GLenum stage, const char *text)
-{
-    GLuint name = glCreateShader(stage);
-    GLint good = 0;
-    glShaderSource(name, 1, &text, NULL);
-    glCompileShader(name);
-    glGetShaderiv(name, GL_COMPILE_STATUS, &good);
-    if (!good) {
-        char log[2000] = "";
-        glGetShaderInfoLog(name, sizeof log, NULL, log);
-        printf("%s\n%s\n", text, log);
-        exit(1);
-    }
-    return name;
-}
-
 /* What conemap_shade is told of each ray lies in a texture, one ray a column; its answer goes to the targets. */
 static GLuint program_of(unsigned flags)
 {
@@ -58,7 +39,6 @@ static GLuint program_of(unsigned flags)
     const unsigned settings = CLIP | HOLES | LOD | FADE | DEPTH | SHADOW | SOFT_SHADOW | SKY;
     conemap_shader_desc desc;
     conemap_result result;
-    GLint good = 0;
     int k;
     for (k = 0; k < PROGRAMS && programs[k].name; ++k)
         if (programs[k].flags == flags) return programs[k].name;
@@ -103,12 +83,7 @@ static GLuint program_of(unsigned flags)
                 flags & FADE ? "s.fade, 0.0, 0.0" : "vec3(0.0)");
     }
     programs[k].flags = flags;
-    programs[k].name = glCreateProgram();
-    glAttachShader(programs[k].name, compile(GL_VERTEX_SHADER, vertex));
-    glAttachShader(programs[k].name, compile(GL_FRAGMENT_SHADER, whole));
-    glLinkProgram(programs[k].name);
-    glGetProgramiv(programs[k].name, GL_LINK_STATUS, &good);
-    if (!good) exit(1);
+    programs[k].name = program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, whole));
     return programs[k].name;
 }
 
@@ -121,23 +96,23 @@ static GLuint texture_of(const conemap_map *levels, int count, const unsigned ch
     for (k = 0; k < TEXTURES && textures[k].name; ++k)
         if (textures[k].of == of) return textures[k].name;
     textures[k].of = of;
-    glGenTextures(1, &textures[k].name);
-    glBindTexture(GL_TEXTURE_2D, textures[k].name);
-    glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    if (!levels) glTexImage2D(GL_TEXTURE_2D, 0, GL_R8, 256, 256, 0, GL_RED, GL_UNSIGNED_BYTE, alpha);
+    gl.GenTextures(1, &textures[k].name);
+    gl.BindTexture(GL_TEXTURE_2D, textures[k].name);
+    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    if (!levels) gl.TexImage2D(GL_TEXTURE_2D, 0, GL_R8, 256, 256, 0, GL_RED, GL_UNSIGNED_BYTE, alpha);
     for (level = 0; levels && level < count; ++level) {
         conemap_write_texture(&levels[level], pixels, sizeof pixels, 0);
-        glTexImage2D(GL_TEXTURE_2D, level, GL_RG32F, levels[level].info.width, levels[level].info.height, 0, GL_RG,
+        gl.TexImage2D(GL_TEXTURE_2D, level, GL_RG32F, levels[level].info.width, levels[level].info.height, 0, GL_RG,
                      GL_FLOAT, pixels);
     }
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, levels ? GL_NEAREST_MIPMAP_NEAREST : GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, levels ? GL_NEAREST_MIPMAP_NEAREST : GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     return textures[k].name;
 }
 
 static double gpu_time; /* of the last draw */
 
-static GLint at(GLuint program, const char *name) { return glGetUniformLocation(program, name); }
+static GLint at(GLuint program, const char *name) { return gl.GetUniformLocation(program, name); }
 
 static void set4(float *row, int column, float x, float y, float z, float w)
 {
@@ -174,36 +149,36 @@ static conemap_result shade_rays(const conemap_map *map, const conemap_trace_des
         set4(in[9], k, g->dudx, g->dvdx, g->dudy, g->dvdy);
     }
     p = program_of(flags);
-    glUseProgram(p);
-    glActiveTexture(GL_TEXTURE5);
-    glBindTexture(GL_TEXTURE_2D, input_texture);
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, WIDE, INPUTS, 0, GL_RGBA, GL_FLOAT, in);
-    glActiveTexture(GL_TEXTURE0);
-    glBindTexture(GL_TEXTURE_2D, texture_of(map, LEVELS, NULL));
-    glActiveTexture(GL_TEXTURE1);
-    glBindTexture(GL_TEXTURE_2D, texture_of(NULL, 0, e->alpha));
-    glUniform4f(at(p, "e.clip"), 0, 0, 1, 1);
-    glUniform4f(at(p, "e.clip_z"), m[2], m[6], m[10], m[14]);
-    glUniform4f(at(p, "e.clip_w"), m[3], m[7], m[11], m[15]);
-    glUniform4f(at(p, "e.light"), e->light[0], e->light[1], e->light[2], 0);
-    glUniform1f(at(p, "e.light_radius"), e->light_radius);
-    glUniform1f(at(p, "e.sky_reach"), e->sky_reach);
-    glUniform1i(at(p, "e.sky_directions"), 8);
-    glUniform1f(at(p, "e.alpha_cut"), 127.5f / 255.0f);
-    glUniform1f(at(p, "e.lod_bias"), e->lod_bias);
-    glUniform1i(at(p, "e.lod_steps"), e->lod_steps);
-    glUniform1i(at(p, "e.level_count"), e->level_count);
-    glUniform1f(at(p, "e.fade_begin"), 2);
-    glUniform1f(at(p, "e.fade_end"), 0.5f);
-    glViewport(0, 0, count, rows);
-    if (rows > 1) glFinish();
+    gl.UseProgram(p);
+    gl.ActiveTexture(GL_TEXTURE5);
+    gl.BindTexture(GL_TEXTURE_2D, input_texture);
+    gl.TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, WIDE, INPUTS, 0, GL_RGBA, GL_FLOAT, in);
+    gl.ActiveTexture(GL_TEXTURE0);
+    gl.BindTexture(GL_TEXTURE_2D, texture_of(map, LEVELS, NULL));
+    gl.ActiveTexture(GL_TEXTURE1);
+    gl.BindTexture(GL_TEXTURE_2D, texture_of(NULL, 0, e->alpha));
+    gl.Uniform4f(at(p, "e.clip"), 0, 0, 1, 1);
+    gl.Uniform4f(at(p, "e.clip_z"), m[2], m[6], m[10], m[14]);
+    gl.Uniform4f(at(p, "e.clip_w"), m[3], m[7], m[11], m[15]);
+    gl.Uniform4f(at(p, "e.light"), e->light[0], e->light[1], e->light[2], 0);
+    gl.Uniform1f(at(p, "e.light_radius"), e->light_radius);
+    gl.Uniform1f(at(p, "e.sky_reach"), e->sky_reach);
+    gl.Uniform1i(at(p, "e.sky_directions"), 8);
+    gl.Uniform1f(at(p, "e.alpha_cut"), 127.5f / 255.0f);
+    gl.Uniform1f(at(p, "e.lod_bias"), e->lod_bias);
+    gl.Uniform1i(at(p, "e.lod_steps"), e->lod_steps);
+    gl.Uniform1i(at(p, "e.level_count"), e->level_count);
+    gl.Uniform1f(at(p, "e.fade_begin"), 2);
+    gl.Uniform1f(at(p, "e.fade_end"), 0.5f);
+    gl.Viewport(0, 0, count, rows);
+    if (rows > 1) gl.Finish();
     gpu_time = seconds();
-    glDrawArrays(GL_TRIANGLES, 0, 3);
-    if (rows > 1) glFinish();
+    gl.DrawArrays(GL_TRIANGLES, 0, 3);
+    if (rows > 1) gl.Finish();
     gpu_time = seconds() - gpu_time;
     for (k = 0; k < OUTPUTS; ++k) {
-        glReadBuffer((GLenum)(GL_COLOR_ATTACHMENT0 + k));
-        glReadPixels(0, 0, count, 1, GL_RGBA, GL_FLOAT, out[k]);
+        gl.ReadBuffer((GLenum)(GL_COLOR_ATTACHMENT0 + k));
+        gl.ReadPixels(0, 0, count, 1, GL_RGBA, GL_FLOAT, out[k]);
     }
     for (k = 0; k < count; ++k) {
         conemap_hit *hit = &hits[k];
@@ -223,7 +198,7 @@ static conemap_result shade_rays(const conemap_map *map, const conemap_trace_des
         s->fade = out[3][4 * k];
         s->gradient = e->gradients[k];
     }
-    return glGetError() ? CONEMAP_ERROR_UNSUPPORTED : CONEMAP_OK;
+    return gl.GetError() ? CONEMAP_ERROR_UNSUPPORTED : CONEMAP_OK;
 }
 
 static void put_tile(unsigned char *sheet, int n, const float *picture)
@@ -254,34 +229,24 @@ static int beside_edge(const unsigned char *sheet, int line, int column)
 
 static int open_gpu(void)
 {
-    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION, 4, EGL_CONTEXT_MINOR_VERSION, 5,
-                                  EGL_CONTEXT_OPENGL_PROFILE_MASK,
-                                  EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT, EGL_NONE};
     static const GLenum buffers[OUTPUTS] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1, GL_COLOR_ATTACHMENT2,
                                             GL_COLOR_ATTACHMENT3};
-    EGLDisplay display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
-    EGLContext made;
-    GLuint frame, array;
-    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) return 0;
-    eglBindAPI(EGL_OPENGL_API);
-    made = eglCreateContext(display, (EGLConfig)0, EGL_NO_CONTEXT, core);
-    if (made == EGL_NO_CONTEXT || !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, made)) return 0;
-    glGenVertexArrays(1, &array);
-    glBindVertexArray(array);
-    glGenFramebuffers(1, &frame);
-    glBindFramebuffer(GL_FRAMEBUFFER, frame);
-    glGenTextures(OUTPUTS, targets);
-    glGenTextures(1, &input_texture);
-    glBindTexture(GL_TEXTURE_2D, input_texture);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    GLuint frame;
+    context(0);
+    gl.GenFramebuffers(1, &frame);
+    gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
+    gl.GenTextures(OUTPUTS, targets);
+    gl.GenTextures(1, &input_texture);
+    gl.BindTexture(GL_TEXTURE_2D, input_texture);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
     for (int k = 0; k < OUTPUTS; ++k) {
-        glBindTexture(GL_TEXTURE_2D, targets[k]);
-        glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, WIDE, ROWS_TIMED, 0, GL_RGBA, GL_FLOAT, NULL);
-        glFramebufferTexture2D(GL_FRAMEBUFFER, buffers[k], GL_TEXTURE_2D, targets[k], 0);
+        gl.BindTexture(GL_TEXTURE_2D, targets[k]);
+        gl.TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, WIDE, ROWS_TIMED, 0, GL_RGBA, GL_FLOAT, NULL);
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, buffers[k], GL_TEXTURE_2D, targets[k], 0);
     }
-    glDrawBuffers(OUTPUTS, buffers);
-    return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+    gl.DrawBuffers(OUTPUTS, buffers);
+    return gl.CheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
 }
 
 /* ---- what effects cost ---- */

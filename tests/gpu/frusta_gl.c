@@ -4,128 +4,7 @@
 #define main tree_main
 #include "../../examples/tree.c"
 #undef main
-#include <stdarg.h>
-
-#include <EGL/egl.h>
-#include <GL/gl.h>
-#include <GL/glext.h>
-
-typedef void(APIENTRYP BINDTEXTURE)(GLenum, GLuint);
-typedef void(APIENTRYP CLEAR)(GLbitfield);
-typedef void(APIENTRYP CLEARCOLOR)(GLfloat, GLfloat, GLfloat, GLfloat);
-typedef void(APIENTRYP CULLFACE)(GLenum);
-typedef void(APIENTRYP DELETETEXTURES)(GLsizei, const GLuint *);
-typedef void(APIENTRYP ENABLE)(GLenum);
-typedef void(APIENTRYP GENTEXTURES)(GLsizei, GLuint *);
-typedef GLenum(APIENTRYP GETERROR)(void);
-typedef void(APIENTRYP GETINTEGERV)(GLenum, GLint *);
-typedef void(APIENTRYP PIXELSTOREI)(GLenum, GLint);
-typedef void(APIENTRYP READPIXELS)(GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, void *);
-typedef void(APIENTRYP TEXIMAGE2D)(GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void *);
-typedef void(APIENTRYP TEXPARAMETERI)(GLenum, GLenum, GLint);
-typedef void(APIENTRYP VIEWPORT)(GLint, GLint, GLsizei, GLsizei);
-#define GL_FUNCTIONS(X)                                                                                           \
-    X(PFNGLACTIVETEXTUREPROC, ActiveTexture)                                                                      \
-    X(PFNGLATTACHSHADERPROC, AttachShader)                                                                        \
-    X(PFNGLBINDBUFFERPROC, BindBuffer)                                                                            \
-    X(PFNGLBINDBUFFERBASEPROC, BindBufferBase)                                                                    \
-    X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer)                                                                  \
-    X(BINDTEXTURE, BindTexture)                                                                                   \
-    X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray)                                                                  \
-    X(PFNGLBUFFERDATAPROC, BufferData)                                                                            \
-    X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus)                                                    \
-    X(CLEAR, Clear)                                                                                               \
-    X(CLEARCOLOR, ClearColor)                                                                                     \
-    X(PFNGLCOMPILESHADERPROC, CompileShader)                                                                      \
-    X(PFNGLCREATEPROGRAMPROC, CreateProgram)                                                                      \
-    X(PFNGLCREATESHADERPROC, CreateShader)                                                                        \
-    X(CULLFACE, CullFace)                                                                                         \
-    X(PFNGLDELETEBUFFERSPROC, DeleteBuffers)                                                                      \
-    X(PFNGLDELETEPROGRAMPROC, DeleteProgram)                                                                      \
-    X(PFNGLDELETESHADERPROC, DeleteShader)                                                                        \
-    X(DELETETEXTURES, DeleteTextures)                                                                             \
-    X(PFNGLDRAWARRAYSINSTANCEDPROC, DrawArraysInstanced)                                                          \
-    X(ENABLE, Enable)                                                                                             \
-    X(PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D)                                                        \
-    X(PFNGLGENBUFFERSPROC, GenBuffers)                                                                            \
-    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers)                                                                  \
-    X(GENTEXTURES, GenTextures)                                                                                   \
-    X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)                                                                  \
-    X(GETERROR, GetError)                                                                                         \
-    X(GETINTEGERV, GetIntegerv)                                                                                   \
-    X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog)                                                              \
-    X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                                                                        \
-    X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)                                                                \
-    X(PFNGLGETSHADERIVPROC, GetShaderiv)                                                                          \
-    X(PFNGLGETUNIFORMBLOCKINDEXPROC, GetUniformBlockIndex)                                                        \
-    X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation)                                                            \
-    X(PFNGLLINKPROGRAMPROC, LinkProgram)                                                                          \
-    X(PIXELSTOREI, PixelStorei)                                                                                   \
-    X(READPIXELS, ReadPixels)                                                                                     \
-    X(PFNGLSHADERSOURCEPROC, ShaderSource)                                                                        \
-    X(PFNGLTEXBUFFERPROC, TexBuffer)                                                                              \
-    X(TEXIMAGE2D, TexImage2D)                                                                                     \
-    X(TEXPARAMETERI, TexParameteri)                                                                               \
-    X(PFNGLUNIFORM1IPROC, Uniform1i)                                                                              \
-    X(PFNGLUNIFORM3FPROC, Uniform3f)                                                                              \
-    X(PFNGLUNIFORM4FPROC, Uniform4f)                                                                              \
-    X(PFNGLUNIFORMBLOCKBINDINGPROC, UniformBlockBinding)                                                          \
-    X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)                                                                \
-    X(PFNGLUSEPROGRAMPROC, UseProgram)                                                                            \
-    X(VIEWPORT, Viewport)
-#define GL_FIELD(type, name) type name;
-static struct {
-    GL_FUNCTIONS(GL_FIELD)
-} gl;
-
-static EGLDisplay display;
-static int failures;
-
-static void wrong(const char *format, ...) {
-    va_list arguments;
-    ++failures;
-    va_start(arguments, format);
-    vprintf(format, arguments);
-    va_end(arguments);
-    printf("\n");
-    fflush(stdout);
-}
-
-static void context(int es) {
-    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION,       4,
-                                  EGL_CONTEXT_MINOR_VERSION,       5,
-                                  EGL_CONTEXT_OPENGL_PROFILE_MASK, EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
-                                  EGL_NONE};
-    static const EGLint three[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
-    EGLContext made;
-    GLuint array;
-    eglBindAPI(es ? EGL_OPENGL_ES_API : EGL_OPENGL_API);
-    made = eglCreateContext(display, (EGLConfig)0, EGL_NO_CONTEXT, es ? three : core); /* no surface, no config */
-    if (made == EGL_NO_CONTEXT || !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, made)) {
-        printf("no surfaceless context\n");
-        exit(77);
-    }
-#define GL_FIND(type, name) gl.name = (type)eglGetProcAddress("gl" #name);
-    GL_FUNCTIONS(GL_FIND)
-    gl.GenVertexArrays(1, &array);
-    gl.BindVertexArray(array);
-    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
-}
-
-static GLuint shader(GLenum stage, const char *text) {
-    GLuint name = gl.CreateShader(stage);
-    GLint good = 0;
-    gl.ShaderSource(name, 1, &text, NULL);
-    gl.CompileShader(name);
-    gl.GetShaderiv(name, GL_COMPILE_STATUS, &good);
-    if (!good) {
-        char log[2000] = "";
-        gl.GetShaderInfoLog(name, sizeof log, NULL, log);
-        wrong("%s\n%s", text, log);
-        exit(1);
-    }
-    return name;
-}
+#include "software.h"
 
 static GLuint texture(int width, int height, GLenum internal, GLenum format, GLenum type, GLenum filter,
                       const void *pixels) {
@@ -274,8 +153,8 @@ static void draw_layer(const struct scene *scene, const struct layer *layer, con
                        const struct view *view) {
     static char text[131072], whole[131072 + 4096];
     conemap_frusta_shader_desc d = r->desc;
-    GLuint names[2], p = gl.CreateProgram(), buffer, frusta, map = 0;
-    GLint good = 0, at;
+    GLuint names[2], p, buffer, frusta, map = 0;
+    GLint at;
     float m[16];
     const int old = d.dialect == CONEMAP_GLSL_330 || d.dialect == CONEMAP_ESSL_300;
     d.relief = layer->relief != SMOOTH;
@@ -296,16 +175,8 @@ static void draw_layer(const struct scene *scene, const struct layer *layer, con
         }
         sprintf(whole, "%s%s", text, k ? host_shade : "");
         names[k] = shader(k ? GL_FRAGMENT_SHADER : GL_VERTEX_SHADER, whole);
-        gl.AttachShader(p, names[k]);
     }
-    gl.LinkProgram(p);
-    gl.GetProgramiv(p, GL_LINK_STATUS, &good);
-    if (!good) {
-        char log[2000] = "";
-        gl.GetProgramInfoLog(p, sizeof log, NULL, log);
-        wrong("%s: link: %s", r->name, log);
-        exit(1);
-    }
+    p = program(names[0], names[1]);
     gl.UseProgram(p);
     if (d.relief) {
         conemap_format_numbers numbers;
@@ -497,11 +368,6 @@ int main(int argc, char **argv) {
     struct scene scene;
     int es = -1;
     program_name = "frusta_gl";
-    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
-    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
-        printf("no EGL display\n");
-        return 77;
-    }
     if (!make_scene("saguaro", &scene)) return 1;
     for (int k = 0; k < (int)(sizeof ways / sizeof ways[0]); ++k) {
         struct run r = fresh(ways[k].name, ways[k].dialect, ways[k].source);

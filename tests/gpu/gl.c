@@ -1,6 +1,5 @@
 /* Emitted GLSL on a software GPU (Mesa, surfaceless EGL) against the CPU's tracers and the truth. Builds and runs only
    in check.sh; exits with 77 where there is no such GPU. */
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,103 +8,15 @@
 #include "conemap.h"
 #include "../emit_compare.h"
 
-#include <EGL/egl.h>
-#define GL_GLEXT_PROTOTYPES
-#include <GL/gl.h>
-#include <GL/glext.h>
+#include "software.h"
 
 #define SIDE 64 /* rays: SIDE * SIDE */
 #define RAYS (SIDE * SIDE)
 
-#define GL_FUNCTIONS(X)                                                                                           \
-    X(PFNGLCREATESHADERPROC, CreateShader)                                                                        \
-    X(PFNGLSHADERSOURCEPROC, ShaderSource) X(PFNGLCOMPILESHADERPROC, CompileShader) X(                            \
-        PFNGLGETSHADERIVPROC, GetShaderiv) X(PFNGLGETSHADERINFOLOGPROC, GetShaderInfoLog)                         \
-        X(PFNGLCREATEPROGRAMPROC, CreateProgram) X(PFNGLATTACHSHADERPROC, AttachShader) X(                        \
-            PFNGLLINKPROGRAMPROC, LinkProgram) X(PFNGLGETPROGRAMIVPROC, GetProgramiv)                             \
-            X(PFNGLGETPROGRAMINFOLOGPROC, GetProgramInfoLog) X(PFNGLUSEPROGRAMPROC, UseProgram) X(                \
-                PFNGLDELETEPROGRAMPROC, DeleteProgram) X(PFNGLDELETESHADERPROC, DeleteShader)                     \
-                X(PFNGLGETUNIFORMLOCATIONPROC, GetUniformLocation) X(PFNGLUNIFORM1IPROC, Uniform1i) X(            \
-                    PFNGLUNIFORM2FPROC, Uniform2f) X(PFNGLUNIFORM2IPROC, Uniform2i) X(PFNGLUNIFORM4IPROC,         \
-                                                                                      Uniform4i)                  \
-                    X(PFNGLGENFRAMEBUFFERSPROC, GenFramebuffers) X(PFNGLBINDFRAMEBUFFERPROC, BindFramebuffer) X(  \
-                        PFNGLFRAMEBUFFERTEXTURE2DPROC, FramebufferTexture2D) X(PFNGLDRAWBUFFERSPROC, DrawBuffers) \
-                        X(PFNGLCHECKFRAMEBUFFERSTATUSPROC, CheckFramebufferStatus) X(                             \
-                            PFNGLACTIVETEXTUREPROC, ActiveTexture) X(PFNGLGENVERTEXARRAYSPROC, GenVertexArrays)   \
-                            X(PFNGLBINDVERTEXARRAYPROC, BindVertexArray) X(PFNGLGENBUFFERSPROC, GenBuffers) X(    \
-                                PFNGLBINDBUFFERPROC, BindBuffer) X(PFNGLBUFFERDATAPROC, BufferData)               \
-                                X(PFNGLBINDBUFFERBASEPROC, BindBufferBase) X(                                     \
-                                    PFNGLMAPBUFFERRANGEPROC, MapBufferRange) X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) \
-                                    X(PFNGLDISPATCHCOMPUTEPROC, DispatchCompute) X(                               \
-                                        PFNGLMEMORYBARRIERPROC, MemoryBarrier) X(PFNGLTEXIMAGE3DPROC, TexImage3D) \
-                                        X(PFNGLTEXSUBIMAGE3DPROC, TexSubImage3D)                                  \
-                                            X(PFNGLCLEARBUFFERFVPROC, ClearBufferfv) X(GENTEXTURES, GenTextures)  \
-                                                X(BINDTEXTURE, BindTexture) X(TEXIMAGE2D, TexImage2D) X(          \
-                                                    TEXPARAMETERI, TexParameteri) X(PIXELSTOREI, PixelStorei)     \
-                                                    X(DELETETEXTURES, DeleteTextures) X(VIEWPORT, Viewport)       \
-                                                        X(DRAWARRAYS, DrawArrays) X(READPIXELS, ReadPixels)       \
-                                                            X(READBUFFER, ReadBuffer) X(GETERROR, GetError)       \
-                                                                X(ENABLE, Enable) X(TEXSUBIMAGE2D, TexSubImage2D) \
-                                                                    X(PFNGLDELETEBUFFERSPROC,                     \
-                                                                      DeleteBuffers) X(PFNGLBINDIMAGETEXTUREPROC, \
-                                                                                       BindImageTexture)          \
-                                                                        X(PFNGLTEXSTORAGE2DPROC, TexStorage2D)
-typedef void(APIENTRYP GENTEXTURES)(GLsizei, GLuint *);
-typedef void(APIENTRYP BINDTEXTURE)(GLenum, GLuint);
-typedef void(APIENTRYP TEXIMAGE2D)(GLenum, GLint, GLint, GLsizei, GLsizei, GLint, GLenum, GLenum, const void *);
-typedef void(APIENTRYP TEXSUBIMAGE2D)(GLenum, GLint, GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, const void *);
-typedef void(APIENTRYP TEXPARAMETERI)(GLenum, GLenum, GLint);
-typedef void(APIENTRYP PIXELSTOREI)(GLenum, GLint);
-typedef void(APIENTRYP DELETETEXTURES)(GLsizei, const GLuint *);
-typedef void(APIENTRYP VIEWPORT)(GLint, GLint, GLsizei, GLsizei);
-typedef void(APIENTRYP DRAWARRAYS)(GLenum, GLint, GLsizei);
-typedef void(APIENTRYP READPIXELS)(GLint, GLint, GLsizei, GLsizei, GLenum, GLenum, void *);
-typedef void(APIENTRYP READBUFFER)(GLenum);
-typedef GLenum(APIENTRYP GETERROR)(void);
-typedef void(APIENTRYP ENABLE)(GLenum);
-#define GL_FIELD(type, name) type name;
-static struct {
-    GL_FUNCTIONS(GL_FIELD)
-} gl;
-
-static int failures;
-
-static void fail(const char *format, ...)
+/* A context to draw and read SIDE x SIDE pixels with. */
+static void open_context(int es)
 {
-    va_list arguments;
-    ++failures;
-    va_start(arguments, format);
-    vprintf(format, arguments);
-    va_end(arguments);
-    printf("\n");
-    fflush(stdout);
-}
-
-static EGLDisplay display;
-
-static void context(int es)
-{
-    static const EGLint core[] = {EGL_CONTEXT_MAJOR_VERSION,
-                                  4,
-                                  EGL_CONTEXT_MINOR_VERSION,
-                                  5,
-                                  EGL_CONTEXT_OPENGL_PROFILE_MASK,
-                                  EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
-                                  EGL_NONE};
-    static const EGLint three[] = {EGL_CONTEXT_MAJOR_VERSION, 3, EGL_CONTEXT_MINOR_VERSION, 1, EGL_NONE};
-    EGLContext made;
-    GLuint array;
-    eglBindAPI(es ? EGL_OPENGL_ES_API : EGL_OPENGL_API);
-    made = eglCreateContext(display, (EGLConfig)0, EGL_NO_CONTEXT, es ? three : core); /* no surface, no config */
-    if (made == EGL_NO_CONTEXT || !eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, made)) {
-        printf("no surfaceless context\n");
-        exit(77);
-    }
-#define GL_FIND(type, name) gl.name = (type)eglGetProcAddress("gl" #name);
-    GL_FUNCTIONS(GL_FIND)
-    gl.GenVertexArrays(1, &array);
-    gl.BindVertexArray(array);
-    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    context(es);
     gl.Viewport(0, 0, SIDE, SIDE);
     if (!es) gl.Enable(GL_PROGRAM_POINT_SIZE);
 }
@@ -133,39 +44,6 @@ static GLuint texture(int array, int mips, int width, int height, GLenum interna
     return name;
 }
 
-static GLuint shader(GLenum stage, const char *text)
-{
-    GLuint name = gl.CreateShader(stage);
-    GLint good = 0;
-    gl.ShaderSource(name, 1, &text, NULL);
-    gl.CompileShader(name);
-    gl.GetShaderiv(name, GL_COMPILE_STATUS, &good);
-    if (!good) {
-        char log[2000] = "";
-        gl.GetShaderInfoLog(name, sizeof log, NULL, log);
-        fail("%s\n%s", text, log);
-        exit(1);
-    }
-    return name;
-}
-
-static GLuint program(GLuint first, GLuint second)
-{
-    GLuint name = gl.CreateProgram();
-    GLint good = 0;
-    gl.AttachShader(name, first);
-    if (second) gl.AttachShader(name, second);
-    gl.LinkProgram(name);
-    gl.GetProgramiv(name, GL_LINK_STATUS, &good);
-    if (!good) {
-        char log[2000] = "";
-        gl.GetProgramInfoLog(name, sizeof log, NULL, log);
-        fail("link: %s", log);
-        exit(1);
-    }
-    return name;
-}
-
 /* HLSL cannot be run here, but what a compiler of it makes can: in a first run the texts are written into a folder, then
    compiled to SPIR-V and translated to GLSL by others (shaders.sh), and a second run takes these in the same order. */
 static const char *hlsl_folder;
@@ -186,7 +64,7 @@ static GLuint hlsl_program(const char *text)
     glsl[size] = 0;
     if (file) fclose(file);
     if (size == 0) {
-        fail("%s: cannot be opened", path);
+        wrong("%s: cannot be opened", path);
         exit(1);
     }
     return hlsl_writes ? 0 : program(shader(GL_COMPUTE_SHADER, glsl), 0);
@@ -240,7 +118,7 @@ static GLuint build(const struct run *r)
     const conemap_shader_desc *d = &r->desc;
     conemap_result result = conemap_emit(d, text, sizeof text, NULL);
     if (result != CONEMAP_OK) {
-        fail("%s: %s", r->name, conemap_result_string(result));
+        wrong("%s: %s", r->name, conemap_result_string(result));
         exit(1);
     }
     if (is_hlsl(d->dialect)) return hlsl_program(text);
@@ -427,7 +305,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
             }
     }
     gl.DeleteTextures(6, names);
-    if (gl.GetError() != 0) fail("%s: a GL error", r->name);
+    if (gl.GetError() != 0) wrong("%s: a GL error", r->name);
 }
 
 /* Exactly along the rim of a surface that ends at its outermost centres: the last bit decides whether it meets it. */
@@ -459,7 +337,7 @@ static void run(const struct run *r)
     memset(&counts, 0, sizeof counts);
     if (es != es_of_targets) {
         const GLenum both[2] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
-        context(es);
+        open_context(es);
         es_of_targets = es;
         gl.GenFramebuffers(1, &frame);
         gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
@@ -493,7 +371,7 @@ static void run(const struct run *r)
         build_desc.generator = r->generator;
         build_desc.keep_pyramid = 1;
         if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
-            fail("%s: build", r->name);
+            wrong("%s: build", r->name);
             return;
         }
         if (!p) {
@@ -561,11 +439,11 @@ static void run(const struct run *r)
            counts.misses);
     fflush(stdout);
     if (r->count_only) return;
-    if (counts.hits < counts.rays / 5) fail("%s: too few hits", r->name);
+    if (counts.hits < counts.rays / 5) wrong("%s: too few hits", r->name);
     if (counts.different * 1000 > counts.rays)
-        fail("%s: %d of %d rays differ", r->name, counts.different, counts.rays);
-    if (counts.unexplained) fail("%s: %d rays differ and lie on no edge", r->name, counts.unexplained);
-    if (counts.misses) fail("%s: %d misses", r->name, counts.misses);
+        wrong("%s: %d of %d rays differ", r->name, counts.different, counts.rays);
+    if (counts.unexplained) wrong("%s: %d rays differ and lie on no edge", r->name, counts.unexplained);
+    if (counts.misses) wrong("%s: %d misses", r->name, counts.misses);
 }
 
 static struct run fresh(const char *format, ...)
@@ -629,14 +507,14 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     desc.map.height = h;
     desc.map.texture.layout = four ? CONEMAP_DUMMER : es ? CONEMAP_CONE_ONLY : CONEMAP_HEIGHT_CONE;
     desc.map.texture.flip_dv = four && wrap == CONEMAP_WRAP;
-    context(es);
+    open_context(es);
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
             "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
             hlsl ? "" : versions[dialect]);
     for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
         if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
-            fail("kernel %d in dialect %d", k, (int)dialect);
+            wrong("kernel %d in dialect %d", k, (int)dialect);
             return;
         }
         programs[k] = hlsl      ? hlsl_program(text)
@@ -666,7 +544,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         build_desc.keep_pyramid = 1;
         if (build_desc.generator == CONEMAP_EXACT) build_desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
         if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
-            fail("kernels: no map");
+            wrong("kernels: no map");
             return;
         }
         source = storage(w, h, GL_R32F, GL_RED, heights);
@@ -680,7 +558,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         for (cells = 0; cells < (what == MAKE_EXACT ? 2 : 1); ++cells) {
             desc.trace.tracer = cells ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_DEFAULT;
             if (conemap_gpu_passes(&desc, what == MAKE_SLOPES ? 1 << 20 : 900, passes, 64, &count) != CONEMAP_OK) {
-                fail("kernels: no passes");
+                wrong("kernels: no passes");
                 return;
             }
             for (pass = 0; pass < count; ++pass) {
@@ -737,7 +615,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                     gl.ReadPixels(0, 0, side, side, GL_RGBA, GL_FLOAT, back);
                     conemap_write_maxima(&map, k, right, sizeof right);
                     for (at = 0; at < side * side; ++at, ++blocks)
-                        if (back[4 * at] != right[at]) fail("kernels: maxima differ at level %d", k);
+                        if (back[4 * at] != right[at]) wrong("kernels: maxima differ at level %d", k);
                 }
                 continue;
             }
@@ -751,16 +629,16 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                 wide += cone > map.cones[k];
                 narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
                 zero[k] = cone;
-                if ((four || !es) && back[4 * k] != heights[k]) fail("kernels: a height is not the map's");
+                if ((four || !es) && back[4 * k] != heights[k]) wrong("kernels: a height is not the map's");
                 if (four && (fabsf(back[4 * k + 2] - slopes[4 * k + 2]) > 1e-7f ||
                              fabsf(back[4 * k + 3] - slopes[4 * k + 3]) > 1e-7f))
-                    fail("kernels: slopes differ");
+                    wrong("kernels: slopes differ");
             }
             if (safe) {
                 conemap_report report;
                 if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
                     report.unproven)
-                    fail("kernels: cones are not safe");
+                    wrong("kernels: cones are not safe");
             }
             memset(zero, 0, sizeof zero);
         }
@@ -770,14 +648,14 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         gl.DeleteTextures(1, &maxima);
         conemap_free(&map);
     }
-    if (gl.GetError() != 0) fail("kernels: a GL error");
+    if (gl.GetError() != 0) wrong("kernels: a GL error");
     gl.DeleteBuffers(1, &arguments);
     printf("kernels, dialect %d, %s, wrap %d, %s: %d cones%s in %d passes, %d wider than the CPU's, %d narrower by "
            "more than 1e-5\n",
            (int)dialect, compute ? "compute" : "fragment", (int)wrap, make_names[what], compared,
            blocks ? " and all maxima" : "", dispatches, wide, narrow);
     fflush(stdout);
-    if (wide || narrow) fail("kernels: cones differ");
+    if (wide || narrow) wrong("kernels: cones differ");
 }
 
 static const conemap_dialect all[] = {CONEMAP_GLSL_330, CONEMAP_GLSL_430, CONEMAP_GLSL_450, CONEMAP_ESSL_300,
@@ -967,11 +845,6 @@ static void run_hlsl(void)
 int main(int argument_count, char **arguments)
 {
     int k, m, n;
-    display = eglGetDisplay(EGL_DEFAULT_DISPLAY);
-    if (display == EGL_NO_DISPLAY || !eglInitialize(display, NULL, NULL)) {
-        printf("no EGL display\n");
-        return 77;
-    }
     if (argument_count > 2) {
         hlsl_folder = arguments[2];
         hlsl_writes = strcmp(arguments[1], "hlsl-write") == 0;
