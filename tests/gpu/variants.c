@@ -1,24 +1,12 @@
 /* Writes shaders for the compilers:  variants DIALECT FOLDER [random count]
    Every value of every option, every pair of two, and a seeded random sample; equal texts once. What the emitter refuses
    is skipped; the count of each is printed. Functions get what a host adds around them. */
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 #include "../zoo.h"
+#include "written.h"
 
-enum { DIALECT_COUNT = CONEMAP_DIALECT_COUNT };
-static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
-                                                    "es310",   "hlsl50",  "hlsl60",  "c99"};
-static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
-                                                    "310 es",   "",         "",         ""};
-
-static const struct {
-    const char *name;
-    int values;
-} options[] = {
+static const struct option options[] = {
     {"stage", 3},    {"tracer", 8},    {"refinement", 3}, {"format", 4},    {"encoding", 3}, {"layout", 3},
     {"per_cell", 2}, {"wrap_u", 3},    {"wrap_v", 3},     {"guarantee", 2}, {"aspect", 2},   {"size", 2},
     {"filter", 3},   {"steps", 2},     {"status", 2},     {"t_range", 2},   {"cap", 3},      {"atlas", 2},
@@ -81,26 +69,6 @@ static void fill(conemap_shader_desc *d, conemap_dialect dialect, const int *cho
     d->trace.tolerance = choice[k++] ? 0.001f : 0.0f;
     d->map.max_tan = choice[k++] ? 2.5f : 0.0f;
     d->map.texture.sectors = choice[k++] * 4;
-}
-
-static char text[131072], whole[262144];
-static char (*seen)[20];
-static int seen_count, written, refused, equal;
-static const char *folder;
-
-static int known(const char *content)
-{
-    uint64_t hash = 0xcbf29ce484222325u;
-    char key[20];
-    int k;
-    for (; *content; ++content) hash = (hash ^ (unsigned char)*content) * 0x100000001b3u;
-    sprintf(key, "%016llx", (unsigned long long)hash);
-    for (k = 0; k < seen_count; ++k)
-        if (memcmp(seen[k], key, 16) == 0) return 1;
-    if (seen_count % 1024 == 0) seen = (char(*)[20])realloc(seen, (size_t)(seen_count + 1024) * 20);
-    if (!seen) exit(2);
-    memcpy(seen[seen_count++], key, 20);
-    return 0;
 }
 
 static void put(const char *more) { strcat(whole, more); }
@@ -315,36 +283,14 @@ static void effects(conemap_dialect dialect, const int *choice, unsigned flags, 
     static const char *const kinds[3] = {"functions", "fragment", "compute"};
     conemap_shader_desc desc;
     conemap_result result;
-    char path[600];
     size_t size = 0;
-    FILE *file;
     fill(&desc, dialect, choice);
     desc.flags = flags;
     desc.depth_bound = (conemap_depth_bound)bound;
     result = conemap_emit(&desc, text, sizeof text, &size);
-    if (result == CONEMAP_ERROR_UNSUPPORTED) {
-        ++refused;
-        return;
-    }
-    if (result != CONEMAP_OK) {
-        fprintf(stderr, "variants: %s\n", conemap_result_string(result));
-        exit(1);
-    }
+    if (!accepted(result)) return;
     wrap(&desc);
-    if (known(whole)) {
-        ++equal;
-        return;
-    }
-    sprintf(path, "%s/%05d_%s.%s", folder, written++, kinds[desc.stage],
-            dialect == CONEMAP_C99                                     ? "c"
-            : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
-            : desc.stage == CONEMAP_STAGE_COMPUTE                      ? "comp"
-                                                                       : "frag");
-    file = fopen(path, "wb");
-    if (!file || fputs(whole, file) < 0 || fclose(file) != 0) {
-        fprintf(stderr, "variants: %s cannot be written\n", path);
-        exit(1);
-    }
+    write_whole(dialect, kinds[desc.stage]);
 }
 
 /* Kernels: stage x kernel x format x encoding x layout x wrap x constant size, and the quick one's four ways. */
@@ -355,8 +301,6 @@ static void kernels(conemap_dialect dialect)
         conemap_shader_desc desc;
         const int kind = k % 12, kernel = kind < CONEMAP_KERNEL_COUNT ? kind : CONEMAP_KERNEL_QUICK;
         const int named = k / 12 % 2, compute = k / 24 % 2;
-        char path[600];
-        FILE *file;
         memset(&desc, 0, sizeof desc);
         desc.dialect = dialect;
         desc.stage = compute ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
@@ -379,16 +323,7 @@ static void kernels(conemap_dialect dialect)
             ++refused;
             continue;
         }
-        if (known(whole)) {
-            ++equal;
-            continue;
-        }
-        sprintf(path, "%s/%05d_%s.%s", folder, written++, compute ? "compute" : "fragment",
-                dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
-                : compute                                                ? "comp"
-                                                                         : "frag");
-        file = fopen(path, "wb");
-        if (!file || fputs(whole, file) < 0 || fclose(file) != 0) exit(1);
+        write_whole(dialect, compute ? "compute" : "fragment");
     }
 }
 
@@ -425,34 +360,14 @@ static void all_effects(conemap_dialect dialect, int *choice, int sample, struct
 
 int main(int argument_count, char **arguments)
 {
-    int choice[OPTIONS], dialect = 0, a, b, x, y, k, sample = argument_count > 3 ? atoi(arguments[3]) : 300;
+    int choice[OPTIONS], before, sample, dialect = read_arguments(argument_count, arguments, &sample);
     struct zoo_random random = zoo_seed(2026);
-    if (argument_count < 3) return 1;
-    while (dialect < DIALECT_COUNT && strcmp(dialects[dialect], arguments[1]) != 0) ++dialect;
     if (dialect == DIALECT_COUNT) return 1;
-    folder = arguments[2];
-    memset(choice, 0, sizeof choice);
-    variant((conemap_dialect)dialect, choice);
-    for (a = 0; a < OPTIONS; ++a)
-        for (b = a; b < OPTIONS; ++b)
-            for (x = 1; x < options[a].values; ++x)
-                for (y = 1; y < options[b].values; ++y) {
-                    choice[a] = x;
-                    choice[b] = y;
-                    variant((conemap_dialect)dialect, choice);
-                    choice[a] = choice[b] = 0;
-                }
-    for (k = 0; k < sample * 40 && sample > 0; ++k) { /* most of what is drawn is refused */
-        int before = written;
-        for (a = 0; a < OPTIONS; ++a)
-            choice[a] = zoo_below(&random, 3) ? 0 : zoo_below(&random, options[a].values);
-        variant((conemap_dialect)dialect, choice);
-        sample -= written > before;
-    }
+    write_choices((conemap_dialect)dialect, options, OPTIONS, choice, sample, &random, variant);
     kernels((conemap_dialect)dialect);
-    k = written;
-    all_effects((conemap_dialect)dialect, choice, argument_count > 3 ? atoi(arguments[3]) / 3 : 100, &random);
-    printf("%s: %d variants of effects\n", dialects[dialect], written - k);
+    before = written;
+    all_effects((conemap_dialect)dialect, choice, sample / 3, &random);
+    printf("%s: %d variants of effects\n", dialects[dialect], written - before);
     printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
