@@ -14357,6 +14357,11 @@ static void conemap__choose_lod(const conemap_map *map, const conemap_effects *e
     }
 }
 
+/* Does an axis of a level wrap as the map's? Where a single texel is left of it, NOTHING has become CLAMP. */
+static int conemap__level_wraps(conemap_wrap wrap, int size, conemap_wrap map) {
+    return wrap == map || (size == 1 && wrap == CONEMAP_CLAMP && map == CONEMAP_NOTHING);
+}
+
 /* Checks effects and writes their defaults out. */
 static conemap_result conemap__resolve_effects(const conemap_map *map, conemap_effects *e) {
     const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
@@ -14388,7 +14393,8 @@ static conemap_result conemap__resolve_effects(const conemap_map *map, conemap_e
             return CONEMAP_ERROR_PARAMETER;
         for (k = 0; k < e->level_count; ++k) {
             if (!e->levels[k].heights) return CONEMAP_ERROR_NULL;
-            if (e->levels[k].info.wrap_u != map->info.wrap_u || e->levels[k].info.wrap_v != map->info.wrap_v)
+            if (!conemap__level_wraps(e->levels[k].info.wrap_u, e->levels[k].info.width, map->info.wrap_u) ||
+                !conemap__level_wraps(e->levels[k].info.wrap_v, e->levels[k].info.height, map->info.wrap_v))
                 return CONEMAP_ERROR_UNSUPPORTED;
         }
     }

@@ -588,6 +588,35 @@ static void blended_levels(void)
     }
 }
 
+/* Levels of a map that ends with NOTHING, down to the one texel where that means nothing. */
+static void levels_to_one_texel(void)
+{
+    static const float heights[8] = {0.1f, 0.2f, 0.3f, 0.4f, 0.5f, 0.6f, 0.7f, 0.8f};
+    const conemap_ray ray = {{0.5f, 0.5f, 1.0f}, {0.0f, 0.0f, -1.0f}, 0.0f, 0.0f};
+    const conemap_gradient gradient = {1.0f, 0.0f, 0.0f, 1.0f};
+    conemap_map levels[3];
+    conemap_desc desc;
+    conemap_effects e;
+    conemap_hit hit;
+    conemap_shading shading;
+    int k;
+    memset(&desc, 0, sizeof desc);
+    memset(&e, 0, sizeof e);
+    desc.heights.pixels = heights;
+    desc.heights.width = 4;
+    desc.heights.height = 2;
+    desc.wrap_u = desc.wrap_v = CONEMAP_NOTHING;
+    REQUIRE(conemap_build_levels(&desc, levels, 3) == CONEMAP_OK, "levels");
+    e.flags = CONEMAP_EFFECT_LOD;
+    e.levels = levels;
+    e.level_count = 3;
+    e.gradients = &gradient;
+    CHECK(conemap_shade(&levels[0], NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK && hit.status == CONEMAP_HIT &&
+              shading.level == 2.0f && fabsf(hit.z - 0.45f) < 1e-5f,
+          "status %d at %g, level %g", (int)hit.status, (double)hit.z, (double)shading.level);
+    for (k = 0; k < 3; ++k) conemap_free(&levels[k]);
+}
+
 static void holes(void)
 {
     struct zoo_random random = zoo_seed(8);
@@ -1636,6 +1665,7 @@ const struct test_case effects_tests[] = {
     {"slopes", slopes},
     {"curved", curved},
     {"blended levels", blended_levels},
+    {"levels to one texel", levels_to_one_texel},
     {"holes", holes},
     {"caps", caps},
     {"extremes", extremes},
