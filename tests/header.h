@@ -71,12 +71,15 @@ static int header_prepared(const conemap_map *map)
 static int header_shaders(const conemap_info *info)
 {
     conemap_shader_desc desc;
+    conemap_frusta_shader_desc frusta;
     size_t size = 0;
     int count = 0, wrong = 0;
     memset(&desc, 0, sizeof desc);
+    memset(&frusta, 0, sizeof frusta);
     desc.map = *info;
     wrong |= conemap_emit(&desc, NULL, 0, &size) != CONEMAP_OK || size == 0;
     wrong |= conemap_emit_kernel(&desc, CONEMAP_KERNEL_RING, NULL, 0, &size) != CONEMAP_OK || size == 0;
+    wrong |= conemap_emit_frusta(&frusta, NULL, 0, &size) != CONEMAP_OK || size == 0;
     wrong |= conemap_gpu_passes(&desc, 0, NULL, 0, &count) != CONEMAP_OK || count < 1;
     return !wrong;
 }
