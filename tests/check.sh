@@ -105,7 +105,7 @@ tests_and_examples() { # COMPILER
         "$1" -std=c99 $warn $strict "$2" -I. -c "$f" -o "$dir/w.o" || return 1
     done
 }
-need "warnings in tests and examples, gcc" gcc && part "warnings in tests and examples, gcc" tests_and_examples gcc -O2
+need "warnings in tests and examples, gcc" gcc && part "warnings in tests and examples, gcc" tests_and_examples gcc -O1
 need "warnings in tests and examples, clang" clang &&
     part "warnings in tests and examples, clang" tests_and_examples clang -fsyntax-only
 
@@ -243,7 +243,7 @@ need "instruction sets WebAssembly" clang wasm-ld && part "instruction sets WebA
 sanitize="-std=c99 $strict -g -O1 -fsanitize=address,undefined -fno-sanitize-recover=all"
 # The two share the areas; what reads what comes from outside is in both.
 need "sanitizers clang" clang &&
-    CHECK_FILTER="oracle/ safe/ verify/ emit/ kernels/ formats/ inputs/ builds/" part "sanitizers clang" suite_run "" clang $sanitize
+    CHECK_FILTER="oracle/ safe/ verify/ emit/ shading/ emit_frusta/ formats/ inputs/" part "sanitizers clang" suite_run "" clang $sanitize
 need "sanitizers gcc" gcc && CHECK_FILTER=$quicker part "sanitizers gcc" suite_run "" gcc $sanitize
 valgrind_run() {
     # shellcheck disable=SC2086
