@@ -15803,9 +15803,11 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(table_number)(const conemap__flight_a
     return CONEMAP__MIN(CONEMAP__MAX(number, CONEMAP__F1(0.0f)), CONEMAP__F1(axis->table_last));
 }
 
-/* When the ray comes to the near border of a cell. */
+/* When the ray comes to the near border of a cell. The product is kept, so that it is rounded as the one in `border` was
+   also where arithmetic is wider than doubles (x87): a slow ray on a border must not seem to come there late. */
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(border)(const conemap__way *way, int at, CONEMAP__D cell) {
-    return CONEMAP__ADDD(CONEMAP__MULD(cell, CONEMAP__LOADD(way->per_v + at)), CONEMAP__LOADD(way->border + at));
+    CONEMAP__D product = CONEMAP__MULD(cell, CONEMAP__LOADD(way->per_v + at));
+    return CONEMAP__ADDD(product, CONEMAP__LOADD(way->border + at));
 }
 
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(position)(const conemap__way *way, int at, CONEMAP__D t) {
