@@ -160,15 +160,23 @@ static void wrap(const conemap_shader_desc *d)
             put(line);
         }
         if (d->flags) {
-            const char *kind = d->array ? "Array" : "", *at = vulkan ? "layout(binding = 12) " : "";
+            const char *kind = d->array ? "Array" : "", *precise = vulkan ? "" : "highp ";
+            line[0] = 0;
+            if (!d->fetch) { /* else that is a function, too */
+                if (hlsl)
+                    sprintf(line, "Texture2D%s<float> %s_alpha : register(t12);\n", kind, prefix);
+                else
+                    sprintf(line, "%suniform %ssampler2D%s %s_alpha;\n", vulkan ? "layout(binding = 12) " : "", precise,
+                            kind, prefix);
+            }
+            put(line);
             if (hlsl)
                 sprintf(line,
-                        "Texture2D%s<float> %s_alpha : register(t12);\nTexture2D<float4> %s_colors : register(t13);\n"
-                        "SamplerState %s_color_sampler : register(s8);\n",
-                        kind, prefix, prefix, prefix);
+                        "Texture2D<float4> %s_colors : register(t13);\nSamplerState %s_color_sampler : register(s8);\n",
+                        prefix, prefix);
             else
-                sprintf(line, "%suniform highp sampler2D%s %s_alpha;\n%suniform highp sampler2D %s_colors;\n", at, kind,
-                        prefix, vulkan ? "layout(binding = 13) " : "", prefix);
+                sprintf(line, "%suniform %ssampler2D %s_colors;\n", vulkan ? "layout(binding = 13) " : "", precise,
+                        prefix);
             put(line);
         }
         if (hlsl) {
