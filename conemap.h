@@ -2836,7 +2836,7 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__PICKI(m, a, b) vbslq_s32(m, a, b)
 #define CONEMAP__ANY(m) (vmaxvq_u32(m) != 0)
 #define CONEMAP__BITS(m)                                                                                   \
-    ((int)vaddvq_u32(vandq_u32(m, vcombine_u32(vcreate_u32(UINT64_C(0x200000001)),
+    ((int)vaddvq_u32(vandq_u32(m, vcombine_u32(vcreate_u32(UINT64_C(0x200000001)),                         \
                                                vcreate_u32(UINT64_C(0x800000004))))))
 #define CONEMAP__TOF(i) vcvtq_f32_s32(i)
 #define CONEMAP__TOI(f) vcvtq_s32_f32(f)
