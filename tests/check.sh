@@ -29,7 +29,10 @@ part() {
         "$@" >"$dir/log" 2>&1
         status=$?
         if [ $status = 0 ]; then
-            printf 'ok       %s (%d s)\n' "$name" $((SECONDS - start))
+            # Beside the time that passed, the processors' time, which says what a part costs.
+            times >"$dir/times"
+            cpu=$(awk 'END {split($0, t, /[ms ]+/); printf "%d", 60 * (t[1] + t[3]) + t[2] + t[4]}' "$dir/times")
+            printf 'ok       %s (%d s, %s s of processors)\n' "$name" $((SECONDS - start)) "$cpu"
             echo >>"$work/ok"
         elif [ $status = 77 ]; then
             printf 'skipped  %s: %s\n' "$name" "$(tail -n 1 "$dir/log")"
