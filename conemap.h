@@ -7793,7 +7793,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
     X(ranged) X(after) X(beside)                                                                                    \
-    X(relaxed) X(proven) X(roomy)
+    X(relaxed) X(proven) X(roomy) X(together) X(bare)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7897,8 +7897,8 @@ static const conemap__snippet conemap__snippets[] = {
                         "}\n"},
 
     /* ---- the ray ---- */
-    {"conemap_clip", "// Narrows a range of t to where low <= o + v t <= high.\n"
-                     "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) {\n"
+    {"conemap_clip", "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t "
+                     "<= high\n"
                      "    float a = (low - o) / v, b = (high - o) / v;\n"
                      "    if (v == 0.0f) return vec2(range.x, o >= low && o <= high ? range.y : -1e30f);\n"
                      "    return vec2(max(range.x, min(a, b)), min(range.y, max(a, b)));\n"
@@ -7910,8 +7910,7 @@ static const conemap__snippet conemap__snippets[] = {
                           "    return closing > 0.0f ? $SCALEtangent * gap / closing : 1e30f;\n"
                           "}\n"},
     {"conemap_patch_hit",
-     "// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the\n"
-     "// ray the clearance is c + b t + a t t, solved in the form that does not cancel.\n"
+     "// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.\n"
      "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
      "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
      "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
@@ -8241,7 +8240,8 @@ static const char conemap__trace_head[] =
     "decides.\n"
     "?qdm // Blocks under the ray are left behind whole, others are entered; in a cell a straight line decides.\n"
     "?any $FNbool conemap_any_hit(vec3 origin, vec3 direction$PARAMS) {\n"
-    "?!any $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?bare vec4 conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?!any,!bare $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
     "    vec2 range = conemap_clip(vec2($T_MIN, 1e30f), origin.z, direction.z, 0.0f, 1.0f); // of t over the map\n"
     "    float ground = direction.z < 0.0f ? range.y : 2e30f; // who gets there has hit: no height is below\n"
@@ -8281,15 +8281,16 @@ static const char conemap__trace_head[] =
     "@move\n";
 
 static const char conemap__move_text[] =
-    "        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.\n"
-    "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;\n"
+    "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their "
+    "bits\n"
     "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
 
 static const char conemap__surface_text[] = /* the height below the ray, and with `cones` the cone there */
     "?both,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
     "?both,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
-    "?both,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?both,!gather,!hardware,!together         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?together         vec2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height and cone\n"
     "?!both,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
     "j$MAP),\n"
     "?!both,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
@@ -8302,10 +8303,10 @@ static const char conemap__surface_text[] = /* the height below the ray, and wit
     "?hardware,cones,!apart         float height = both.x;\n"
     "?hardware,apart         float height = $SAMPLE_HEIGHT;\n"
     "?hardware,!cones,!apart         float height = $SAMPLE_HEIGHT;\n"
-    "?!hardware         float height = conemap_mix(heights, x, y);\n";
+    "?!together,!hardware         float height = conemap_mix(heights, x, y);\n";
 
 static const char conemap__cone_text[] =
-    "?both,!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+    "?both,!gather,!hardware,!per_cell,!together         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
     "?both,!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
     "?both,gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
     "?sectors,!hardware,!per_cell         vec4 cones = vec4(conemap_cone(i, j, sector$MAP),\n"
@@ -8323,7 +8324,7 @@ static const char conemap__loop_exact[] =
     "@cone\n"
     "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
     "the border\n"
-    "        hit = conemap_patch_hit(heights, x, y, z - height, v, min(leave, left));\n"
+    "        hit = conemap_patch_hit($CORNERS, x, y, z - $HEIGHT, v, min(leave, left));\n"
     "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
     "it\n"
     "?back             walked = t;\n"
@@ -8332,11 +8333,11 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
-    "        float closing = speed - $TANGENT * v.z;\n"
-    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "        float gap = z - $HEIGHT - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised by more "
+    "than rounding\n"
+    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f);\n"
-    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f;\n"
     "?back         flown = dt > leave ? dt : 0.0f;\n"
     "?back         dt = max(dt, leave);\n"
@@ -8345,7 +8346,7 @@ static const char conemap__loop_exact[] =
 static const char conemap__loop_linear[] =
     "@surface\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8355,12 +8356,12 @@ static const char conemap__loop_linear[] =
 static const char conemap__loop_loop[] =
     "@surface\n"
     "@cone\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= $TOLERANCE;\n"
     "        if (steps + 1 == $LIMIT || (steps == 0 && gap <= 0.0f)) break; // it begins inside\n"
     "?secant         if (gap > 0.0f) above = gap;\n"
     "?refined         if (gap > 0.0f) t_above = t;\n"
-    "        dt = max(conemap_cone_step($TANGENT, gap, speed, v.z), range.x - t);\n"
+    "        dt = max(conemap_cone_step($APERTURE, gap, speed, v.z), range.x - t);\n"
     "        ends = dt >= range.y - t;\n"
     "        if (ends) dt = range.y - t;\n";
 
@@ -8368,11 +8369,11 @@ static const char conemap__loop_step[] = /* exact-step, cell-max */
     "@surface\n"
     "@cone\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
-    "        dt = conemap_cone_step($TANGENT, gap, speed, v.z)$EXTRA;\n"
+    "        dt = conemap_cone_step($APERTURE, gap, speed, v.z)$EXTRA;\n"
     "?cell_max         if (speed > 0.0f) dt = max(dt, min((1.000001f - x) / v.x, (1.000001f - y) / v.y));\n"
     "        ends = dt >= range.y - t;\n"
     "        if (ends) dt = range.y - t;\n";
@@ -8394,8 +8395,8 @@ static const char conemap__loop_blocks[] =
     "            continue;\n"
     "        }\n"
     "@surface\n"
-    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - height, v, end);\n"
-    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - height, v, end);\n"
+    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $HEIGHT, v, end);\n"
+    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $HEIGHT, v, end);\n"
     "        done = hit >= 0.0f || leave >= left;\n"
     "        if (done) break;\n"
     "        dt = leave;\n"
@@ -8405,7 +8406,7 @@ static const char conemap__trace_tail[] =
     "    }\n"
     "?solves     if (done && hit < 0.0f && range.y == ground && range.x <= range.y) hit = range.y - t;\n"
     "?any     return hit >= 0.0f;\n"
-    "?solves,!any     dt = max(hit, 0.0f);\n"
+    "?solves,!any,!bare     dt = max(hit, 0.0f);\n"
     "?loop     done = ends;\n"
     "?loop,refined     dt = t - t_above;\n"
     "?refined     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before\n"
@@ -8417,17 +8418,19 @@ static const char conemap__trace_tail[] =
     "?bisect,refined         dt = gap > 0.0f ? 0.5f * abs(dt) : -0.5f * abs(dt);\n"
     "?bisect,refined @move\n"
     "?bisect,refined @surface\n"
-    "?bisect,refined         gap = z - height;\n"
+    "?bisect,refined         gap = z - $HEIGHT;\n"
     "?bisect,refined     }\n"
     "?exact_step,!refined     dt = found && steps > 0 ? -min(extra, dt) : 0.0f; // a texel back\n"
-    "?!any     conemap_hit result;\n"
-    "?!any     result.found = $FOUND;\n"
-    "?!any     result.t = $AT_T;\n"
-    "?!any     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y "
+    "?bare     return vec4((float(i) + float(si) * $AT_X + 0.5f) / $FW,\n"
+    "?bare                 (float(j) + float(sj) * $AT_Y + 0.5f) / $FH, $AT_Z, $FOUND ? $AT_T : -1.0f);\n"
+    "?!any,!bare     conemap_hit result;\n"
+    "?!any,!bare     result.found = $FOUND;\n"
+    "?!any,!bare     result.t = $AT_T;\n"
+    "?!any,!bare     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y "
     "+ 0.5f) / $FH, $AT_Z);\n"
     "?status     result.status = result.found ? 0 : done ? end_status : 4;\n"
     "?steps     result.steps = steps;\n"
-    "?!any     return result;\n"
+    "?!any,!bare     return result;\n"
     "}\n";
 
 /* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
@@ -8702,14 +8705,17 @@ static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t
 /* What stands before and behind the functions. */
 static const char conemap__head_text[] =
     "?version #version $VERSION\n"
-    "?!shading // conemap.h: $TRACER tracer.\n"
+    "?!shading,!bare // conemap.h: $TRACER tracer.\n"
+    "?bare // conemap.h: $TRACER tracer. A ray lives in the unit box over the map: u, v, z; t counts in lengths of its "
+    "direction.\n"
     "?shading // conemap.h: $TRACER tracer, with effects.\n"
     "?shading // conemap_shade($SHADE_SIGNATURE): traces a ray of the world and shades what it meets.\n"
     "?ranged // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?gradient // gradient: dFdx and dFdy of the surface's own uv.\n"
-    "?!any,!shading // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
+    "?!any,!shading,!bare // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
+    "?bare // conemap_trace($SIGNATURE): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.\n"
     "?any // conemap_any_hit($SIGNATURE): does a ray meet the relief?\n"
-    "?!shading // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
+    "?!shading,!bare // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
     "direction.\n"
     "?t_range,!shading // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?cap // max_steps: where to give up.\n"
@@ -8724,7 +8730,7 @@ static const char conemap__head_text[] =
     "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
-    "\n"
+    "?!bare \n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
@@ -8745,8 +8751,9 @@ static const char conemap__host_text[] =
     "\n";
 
 static const char conemap__fragment_text[] =
-    "?glsl $IN_0in vec3 conemap_origin;\n"
-    "?glsl $IN_1in vec3 conemap_direction;\n"
+    "?glsl,located layout(location = 0) in vec3 conemap_origin;\n"
+    "?glsl,located layout(location = 1) in vec3 conemap_direction;\n"
+    "?glsl,!located in vec3 conemap_origin, conemap_direction;\n"
     "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?glsl,!located out vec4 conemap_color;\n"
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
@@ -8759,7 +8766,7 @@ static const char conemap__fragment_text[] =
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
-    "\n"
+    "?!bare \n"
     "?hlsl,debug struct conemap_targets {\n"
     "?hlsl,debug     float4 color : SV_Target0; // u, v, z, t\n"
     "?hlsl,debug     float4 debug : SV_Target1; // steps, status\n"
@@ -8768,10 +8775,15 @@ static const char conemap__fragment_text[] =
     "?hlsl,debug conemap_targets main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) {\n"
     "?hlsl,!debug float4 main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) : SV_Target0 {\n"
     "?glsl void main() {\n"
-    "?hlsl,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
-    "?glsl,!any     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
-    "?discards     if (!hit.found) discard;\n"
-    "?glsl,!any     conemap_color = vec4(hit.position, hit.t);\n"
+    "?hlsl,bare     float4 hit = conemap_trace(origin, direction$ARGS);\n"
+    "?hlsl,bare     if (hit.w < 0.0f) discard;\n"
+    "?hlsl,bare     return hit;\n"
+    "?glsl,bare     conemap_color = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
+    "?glsl,bare     if (conemap_color.w < 0.0f) discard;\n"
+    "?hlsl,!any,!bare     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?glsl,!any,!bare     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
+    "?discards,!bare     if (!hit.found) discard;\n"
+    "?glsl,!any,!bare     conemap_color = vec4(hit.position, hit.t);\n"
     "?glsl,any     float light = conemap_any_hit(conemap_origin, conemap_direction$ARGS) ? 0.0f : 1.0f;\n"
     "?glsl,any     conemap_color = vec4(light, light, light, 1.0f);\n"
     "?glsl,debug     conemap_debug = vec4($DEBUG);\n"
@@ -8779,7 +8791,6 @@ static const char conemap__fragment_text[] =
     "?hlsl,debug     targets.color = vec4(hit.position, hit.t);\n"
     "?hlsl,debug     targets.debug = vec4($DEBUG);\n"
     "?hlsl,debug     return targets;\n"
-    "?hlsl,!debug,!any     return vec4(hit.position, hit.t);\n"
     "?hlsl,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
     "?hlsl,any     return vec4(light, light, light, 1.0f);\n"
     "}\n";
@@ -8819,11 +8830,12 @@ static const char conemap__compute_text[] =
     "1$UNSIGNED].xyz;\n"
     "?t_range     vec4 origin = conemap_rays[2$UNSIGNED * ray], direction = conemap_rays[2$UNSIGNED * ray + "
     "1$UNSIGNED];\n"
-    "?t_range,!any     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
-    "?!t_range,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?t_range,bare     conemap_hits[ray] = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,bare     conemap_hits[ray] = conemap_trace(origin, direction$ARGS);\n"
+    "?t_range,debug     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,debug     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
     "?t_range,any     bool met = conemap_any_hit(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
     "?!t_range,any     bool met = conemap_any_hit(origin, direction$ARGS);\n"
-    "?!any,!debug     conemap_hits[ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
     "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no "
@@ -8853,7 +8865,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     unsigned char *f = e->flags;
     conemap_result result;
     conemap_tracer tracer;
-    int k, m, relaxed;
+    int k, m, relaxed, functions = d->stage == CONEMAP_STAGE_FUNCTIONS;
     if (!CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT) || !CONEMAP__KNOWN(d->stage, CONEMAP_STAGE_COUNT) ||
         !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) ||
         !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
@@ -8948,6 +8960,9 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_size_asked] = !d->fetch && !d->fixed_size && !d->atlas;
     f[conemap__flag_fragment] = d->stage == CONEMAP_STAGE_FRAGMENT;
     f[conemap__flag_compute] = d->stage == CONEMAP_STAGE_COMPUTE;
+    f[conemap__flag_bare] = !functions && !f[conemap__flag_any] && !f[conemap__flag_debug] && d->flags == 0;
+    f[conemap__flag_together] = f[conemap__flag_both] && !f[conemap__flag_per_cell] && !f[conemap__flag_c] &&
+                                d->filter == CONEMAP_FILTER_FETCH;
     f[conemap__flag_uses_map] = !d->fetch && (f[conemap__flag_cones] || !f[conemap__flag_cone_only]);
     f[conemap__flag_uses_heights] = f[conemap__flag_cone_only];
     f[conemap__flag_uses_maxima] = f[conemap__flag_blocks] && !d->fetch_maxima;
@@ -9176,6 +9191,13 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        d->map.texture.encoding == CONEMAP_SQRT     ? "cone * cone"
                        : d->map.texture.encoding == CONEMAP_RADIUS ? "conemap_tangent(cone, height)"
                                                                    : "cone");
+    conemap__piece_set(e, "APERTURE", 0, /* in the loops */
+                       !f[conemap__flag_together]                    ? "$TANGENT"
+                       : d->map.texture.encoding == CONEMAP_SQRT     ? "here.y * here.y"
+                       : d->map.texture.encoding == CONEMAP_RADIUS   ? "conemap_tangent(here.y, here.x)"
+                                                                     : "here.y");
+    conemap__piece_set(e, "HEIGHT", 0, f[conemap__flag_together] ? "here.x" : "height");
+    conemap__piece_set(e, "CORNERS", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
     out = conemap__piece_new(e, "CONES_DENIED", 0);
     if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
     conemap__append(out, size, " || t < walked");
@@ -9192,10 +9214,11 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "EXTRA", 0, f[conemap__flag_exact_step] ? " + extra" : "");
     k = f[conemap__flag_solves] ||
         (f[conemap__flag_exact_step] && !f[conemap__flag_refined]); /* dt is still to go */
-    conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * dt)" : "x");
-    conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * dt)" : "y");
-    conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * dt" : "z");
-    conemap__piece_set(e, "AT_T", 0, k ? "t + dt" : "t");
+    conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * $REST)" : "x");
+    conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * $REST)" : "y");
+    conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * $REST" : "z");
+    conemap__piece_set(e, "AT_T", 0, k ? "t + $REST" : "t");
+    conemap__piece_set(e, "REST", 0, f[conemap__flag_bare] && f[conemap__flag_solves] ? "hit" : "dt");
 
     /* Blocks. */
     conemap__piece_set(e, "CELLS_U", 0,
@@ -9423,8 +9446,6 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
     conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
-    conemap__piece_set(e, "IN_0", 1, f[conemap__flag_located] ? "layout(location = 0) " : "");
-    conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
     conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
     conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
     conemap__piece_set(e, "DEBUG", 0,

@@ -526,6 +526,7 @@ static void kernels_as_c(void)
                 conemap_desc desc;
                 conemap_shader_desc shader;
                 conemap_map map;
+                if (mode == 7 && size == 4) continue; /* eight times as long */
                 memset(&desc, 0, sizeof desc);
                 memset(&shader, 0, sizeof shader);
                 zoo_fill(kind, w, h, 31, heights);
@@ -894,22 +895,43 @@ static void texts(void)
     test_note("%d texts", count);
 }
 
-/* The default stays short: a person reads it in a debugger. */
+static int lines_of(const char *text)
+{
+    int lines = 0;
+    for (; *text; ++text) lines += *text == '\n';
+    return lines;
+}
+
+/* The defaults stay short: a person reads them in a debugger. A whole fragment shader, comments and all, is under 60
+   lines, and none of them is so for its length. */
 static void length(void)
 {
     conemap_shader_desc d;
     char *text, *at;
-    int lines = 0, columns = 0;
+    int lines = 0, columns = 0, whole, widest = 0;
     memset(&d, 0, sizeof d);
+    d.stage = CONEMAP_STAGE_FRAGMENT;
+    text = emit(&d);
+    if (!text) return;
+    whole = lines_of(text);
+    CHECK(whole < 60, "%d lines", whole);
+    CHECK(strstr(text, "// conemap_trace(origin, direction): ") != NULL, "no comment");
+    for (at = text; *at; ++at) {
+        columns = *at == '\n' ? 0 : columns + 1;
+        if (columns > widest) widest = columns;
+    }
+    CHECK(widest <= 125, "%d columns", widest);
+    test_release(text);
+    d.stage = CONEMAP_STAGE_FUNCTIONS;
     text = emit(&d);
     if (!text) return;
     strip(text);
-    for (at = text; *at; ++at) {
+    for (columns = 0, at = text; *at; ++at) {
         columns = *at == '\n' ? 0 : columns + (*at != ' ');
         lines += columns == 1 && *at != ' ';
     }
     CHECK(lines < 60, "%d lines of code", lines);
-    test_note("the default is %d lines", lines);
+    test_note("a default fragment shader is %d lines, functions are %d of code", whole, lines);
     test_release(text);
 }
 
