@@ -8164,7 +8164,7 @@ static const conemap__snippet conemap__snippets[] = {
      "?roomy // A texel stands for the cells around it, so there is room for one beyond the diagonal; and cells at a border,\n"
      "?roomy // which is also seen for what lies outside it, count for their whole quadrant.\n"
      "$FNbool conemap_meets(int x, int y, int k, int i, int j, int sector$ROOM_PARAMS) {\n"
-     "    int low_x = (x << k) - i, low_y = (y << k) - j, side = (1 << k) - 1;\n"
+     "    int low_x = (x << k) - i, low_y = (y << k) - j, side = ((x + 1) << k) - 1 - i - low_x;\n"
      "    int near_x = (sector & 1) == 0 ? low_x : -low_x - side, far_x = near_x + side;\n"
      "    int near_y = (sector & 2) == 0 ? low_y : -low_y - side, far_y = near_y + side;\n"
      "?octants     int beyond = sector > 3 ? (near_x > 0 ? near_x : 0) - far_y : (near_y > 0 ? near_y : 0) - far_x;\n"
@@ -8751,8 +8751,8 @@ static const char conemap__host_text[] =
     "\n";
 
 static const char conemap__fragment_text[] =
-    "?glsl,located layout(location = 0) in vec3 conemap_origin;\n"
-    "?glsl,located layout(location = 1) in vec3 conemap_direction;\n"
+    "?glsl,located $IN_0in vec3 conemap_origin;\n"
+    "?glsl,located $IN_1in vec3 conemap_direction;\n"
     "?glsl,!located in vec3 conemap_origin, conemap_direction;\n"
     "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?glsl,!located out vec4 conemap_color;\n"
@@ -9446,6 +9446,8 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
     conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
+    conemap__piece_set(e, "IN_0", 1, f[conemap__flag_located] ? "layout(location = 0) " : "");
+    conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
     conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
     conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
     conemap__piece_set(e, "DEBUG", 0,

@@ -29,7 +29,7 @@ static float koctant_maximum(int x, int y, int k) {
 
 // Does a sector of directions from texel (i, j) meet the texels of a block?
 static bool koctant_meets(int x, int y, int k, int i, int j, int sector) {
-    int low_x = (x << k) - i, low_y = (y << k) - j, side = (1 << k) - 1;
+    int low_x = (x << k) - i, low_y = (y << k) - j, side = ((x + 1) << k) - 1 - i - low_x;
     int near_x = (sector & 1) == 0 ? low_x : -low_x - side, far_x = near_x + side;
     int near_y = (sector & 2) == 0 ? low_y : -low_y - side, far_y = near_y + side;
     int beyond = sector > 3 ? (near_x > 0 ? near_x : 0) - far_y : (near_y > 0 ? near_y : 0) - far_x;
