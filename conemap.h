@@ -950,20 +950,24 @@ CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int leve
 /* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them.
    Every pass reads textures and writes one value for each texel of one, so it can be a compute dispatch or, for WebGL 2
    and ES 3.0, a full-screen draw (the viewport is the pass's width x height). The state is a one-channel f32 texture,
-   in two copies that passes read and write by turns; before the first pass the one that it reads holds 0. The maxima
-   are one more, a square of 2^n texels that holds the map, with n levels below it, the smallest of one texel: over
-   texels for generation, over bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
+   in two copies that passes read and write by turns, whatever they hold at first. With sectors it has four channels, one
+   for each of four sectors, and each four have passes of their own. The maxima are one texture more, a square of 2^n
+   texels that holds the map, with n levels below it, the smallest of one texel: over texels for generation, over
+   bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
 
-   With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, to
-   within float rounding, and where that makes conservative ones never wider; else, with the SAFE pass, cones with
-   CONEMAP_GUARANTEE_BILINEAR. Source: [VB22], and the branch and bound of CONEMAP_EXACT. */
+   With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, sectors
+   included, to within float rounding, and where that makes conservative ones never wider; else, with the SAFE pass,
+   cones with CONEMAP_GUARANTEE_BILINEAR. CONEMAP_RELAXED gives the CPU's cones in the same way, with
+   CONEMAP_GUARANTEE_RELAXED; CONEMAP_RELAXED_EXACT gives ones with CONEMAP_GUARANTEE_RELAXED_BILINEAR, narrower than
+   the CPU's. Sources: [VB22], [BV24] Algorithm 2, and the branch and bound of CONEMAP_EXACT. */
 typedef enum conemap_kernel {
     CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
-                                and the state, writes the state */
+                                and, if first is not 1, the state; writes the state */
     CONEMAP_KERNEL_MIN3X3,   /* of each 3x3 block the narrowest cone [BV24 eq. 2]: state to state */
     CONEMAP_KERNEL_SAFE,     /* vertex cones made safe for the bilinear surface, at once and not tightly: the steepest
-                                slope of the 3x3 block times sqrt(2) on square texels, more on long ones. About 62 % of
-                                the vertex cones' width is left on the test maps. Needs the heights and the state,
+                                slope of the 3x3 block times sqrt(1.5) on square texels, more on long ones, and what is
+                                steepest around the texel (RELAXED_EXACT: if anything falls there). About 69 % of the
+                                vertex cones' width is left on the test maps. Needs the heights and the state,
                                 writes the state */
     CONEMAP_KERNEL_STORE,    /* state to the texture: encoded and rounded down, with the heights and slopes of its
                                 layout */
@@ -975,8 +979,9 @@ typedef enum conemap_kernel {
     CONEMAP_KERNEL_QUICK,    /* [VB22]: Algorithm 2, or 1 or the centre heuristic by desc->map.generator, the diagonals
                                 of 2 mended. Needs the heights and the maxima over texels, writes the state */
     CONEMAP_KERNEL_EXACT,    /* steepest slope, squared, to texels of blocks first..last of `level`, counted row by row,
-                                by branch and bound, nearest blocks first: needs the heights, the maxima over texels and
-                                the state, writes the state */
+                                by branch and bound, nearest blocks first; of RELAXED and RELAXED_EXACT to those behind
+                                which the surface falls. Needs the heights, the maxima over texels and the state, writes
+                                the state */
     CONEMAP_KERNEL_COUNT
 } conemap_kernel;
 
@@ -989,13 +994,17 @@ typedef struct conemap_gpu_pass {
     int reads, writes;   /* copies of the state, 0 and 1; writes 2: the texture; writes 3: a level of the maxima */
     int width, height;   /* of what is written, in texels */
     int groups_x, groups_y; /* of 8 x 8 threads */
+    int sector;          /* the first of four sectors; the texture is number sector / 4. 8 sectors: the argument
+                            conemap_sector of RING and EXACT */
 } conemap_gpu_pass;
 
 /* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture, generator), fixed_size, prefix, binding,
-   set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
-   maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
-   other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
-   and in GLSL what is written. Not for maps with sectors. FUNCTIONS are
+   set, heights_name (default prefix_heights), map_name (the state read; default prefix_state), maxima_name, precision,
+   fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima; other fields are ignored.
+   Bindings follow each other in the order state, heights, maxima, as far as there are any, and in GLSL what is written.
+   Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level, sector, as far as there are
+   any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then `float NAME(int i, int j, int sector)`,
+   and all functions of the state get `int sector` before the size. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -1009,13 +1018,13 @@ typedef struct conemap_gpu_pass {
 CONEMAP_API conemap_result conemap_emit_kernel(const conemap_shader_desc *desc, conemap_kernel kernel, char *text,
                                                size_t capacity, size_t *size);
 
-/* The passes that make a map of desc->map.width x height by desc->map.generator (0 and EXACT: branch and bound; RING;
-   the four QUICK ones): MIN3X3 among them if desc->map.min3x3 is set, SAFE unless desc->map.guarantee is VERTEX or
-   NONE. With desc->trace.tracer MAXMIP or QDM: the passes that make the maxima which these read. batch: texels and
-   blocks that one invocation looks at in a pass at the worst, so that no dispatch runs long; 0: 4096. RING stops early
-   and EXACT prunes, so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE,
-   PARAMETER (batch below 0), UNSUPPORTED (other generators, sectors), BUFFER (capacity below the count; nothing is
-   written). */
+/* The passes that make a map of desc->map.width x height by desc->map.generator (0, EXACT, RELAXED and RELAXED_EXACT:
+   branch and bound; RING; the four QUICK ones): MIN3X3 among them if desc->map.min3x3 is set; SAFE with RELAXED_EXACT,
+   never with RELAXED, and with others unless desc->map.guarantee is VERTEX or NONE. Sectors: 0 and EXACT only. With
+   desc->trace.tracer MAXMIP or QDM: the passes that make the maxima which these read. batch: texels and blocks that one
+   invocation looks at in a pass at the worst, so that no dispatch runs long; 0: 4096. RING stops early and the others
+   prune, so most look at far fewer. passes: null asks for the count alone. Errors: NULL, ENUM, SIZE, PARAMETER (batch
+   below 0, texture.sectors), UNSUPPORTED (other generators), BUFFER (capacity below the count; nothing is written). */
 CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch, conemap_gpu_pass *passes,
                                               int capacity, int *count);
 
@@ -7783,7 +7792,8 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(shading) X(clip) X(holes) X(curved) X(lod) X(fade) X(two_sided) X(world) X(smooth) X(normal_out) X(depth)     \
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
-    X(ranged) X(after) X(beside)
+    X(ranged) X(after) X(beside)                                                                                    \
+    X(relaxed) X(proven) X(roomy) X(together) X(bare)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7887,8 +7897,8 @@ static const conemap__snippet conemap__snippets[] = {
                         "}\n"},
 
     /* ---- the ray ---- */
-    {"conemap_clip", "// Narrows a range of t to where low <= o + v t <= high.\n"
-                     "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) {\n"
+    {"conemap_clip", "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t "
+                     "<= high\n"
                      "    float a = (low - o) / v, b = (high - o) / v;\n"
                      "    if (v == 0.0f) return vec2(range.x, o >= low && o <= high ? range.y : -1e30f);\n"
                      "    return vec2(max(range.x, min(a, b)), min(range.y, max(a, b)));\n"
@@ -7900,8 +7910,7 @@ static const conemap__snippet conemap__snippets[] = {
                           "    return closing > 0.0f ? $SCALEtangent * gap / closing : 1e30f;\n"
                           "}\n"},
     {"conemap_patch_hit",
-     "// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the\n"
-     "// ray the clearance is c + b t + a t t, solved in the form that does not cancel.\n"
+     "// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.\n"
      "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
      "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
      "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
@@ -7927,57 +7936,72 @@ static const conemap__snippet conemap__snippets[] = {
     /* ---- kernels ---- */
     {"conemap_ring",
      "// Steepest slope, squared, from texel (i, j) to those of rings first..last, and of the rings before.\n"
-     "$FNfloat conemap_ring(int i, int j, int first, int last$SIZE_PARAMS) {\n"
-     "    float s = $KEPT, apex = conemap_texel(i, j$SIZE);\n"
+     "$FNfloat conemap_ring(int i, int j, int first, int last$SECTOR_PARAM$SIZE_PARAMS) {\n"
+     "    float s = 0.0f, apex = conemap_texel(i, j$SIZE);\n"
      "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b);\n"
+     "    if (first > 1) s = $KEPT;\n"
      "    for (int r = first; r <= last; ++r) {\n"
      "        float d = shorter * float(r), room = 1.0f - apex;\n"
      "        if (room * room <= s * d * d) break; // nothing so far away can be steeper\n"
      "        for (int side = 0; side < 4; ++side) {\n"
      "            for (int k = -r; k < r; ++k) {\n"
-     "                int di = side == 0 ? k : side == 1 ? r : side == 2 ? -k : -r;\n"
-     "                int dj = side == 0 ? -r : side == 1 ? k : side == 2 ? r : -k;\n"
-     "?!wrap_u                 if (i + di < 0 || i + di >= $W) continue;\n"
-     "?!wrap_v                 if (j + dj < 0 || j + dj >= $H) continue;\n"
-     "                float x = a * float(di), y = b * float(dj), rise = conemap_texel(i + di, j + dj$SIZE) - "
-     "apex;\n"
-     "                if (rise > 0.0f) s = max(s, rise * rise / (x * x + y * y));\n"
+     "                int x = i + (side == 0 ? k : side == 1 ? r : side == 2 ? -k : -r);\n"
+     "                int y = j + (side == 0 ? -r : side == 1 ? k : side == 2 ? r : -k);\n"
+     "?!wrap_u                 if (x < 0 || x >= $W) continue;\n"
+     "?!wrap_v                 if (y < 0 || y >= $H) continue;\n"
+     "?sectors                 if (!conemap_meets(x, y, 0, i, j, sector$ROOM)) continue;\n"
+     "                float u = a * float(x - i), v = b * float(y - j), rise = conemap_texel(x, y$SIZE) - apex;\n"
+     "                if (rise > 0.0f$LIMITS) s = max(s, rise * rise / (u * u + v * v));\n"
      "            }\n"
      "        }\n"
      "    }\n"
      "    return s;\n"
      "}\n"},
-    {"conemap_slope", "$FNfloat conemap_slope(int i, int j$SIZE_PARAMS) {\n"
+    {"conemap_slope", "$FNfloat conemap_slope(int i, int j$SECTOR_PARAM$SIZE_PARAMS) {\n"
                       "    return $SLOPE;\n"
                       "}\n"},
     {"conemap_steepest",
      "// The narrowest cone of the 3x3 block around a texel.\n"
-     "$FNfloat conemap_steepest(int i, int j$SIZE_PARAMS) {\n"
+     "$FNfloat conemap_steepest(int i, int j$SECTOR_PARAM$SIZE_PARAMS) {\n"
      "    float s = 0.0f;\n"
      "    for (int dj = -1; dj <= 1; ++dj)\n"
-     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SECTOR$SIZE));\n"
      "    return s;\n"
      "}\n"},
     {"conemap_safe",
-     "// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear "
-     "surface: what\n"
-     "// vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the "
-     "gradient.\n"
-     "$FNfloat conemap_safe(int i, int j$SIZE_PARAMS) {\n"
+     "// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear surface:\n"
+     "// what vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the\n"
+     "?!proven // gradient.\n"
+     "?proven // gradient. Only points count that fall, seen from there.\n"
+     "$FNfloat conemap_safe(int i, int j$SECTOR_PARAM$SIZE_PARAMS) {\n"
      "    float a = 1.0f / $FW, b = $ASPECT / $FH, shorter = min(a, b), s = 0.0f, gradient = 0.0f;\n"
+     "?proven     float bend = 0.0f;\n"
+     "?proven     bool falls = false;\n"
+     "?sectors     float right = (sector & 1) == 0 ? 1.0f : -1.0f, down = (sector & 2) == 0 ? 1.0f : -1.0f;\n"
      "    for (int dj = -1; dj <= 1; ++dj)\n"
-     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SIZE));\n"
+     "        for (int di = -1; di <= 1; ++di) s = max(s, conemap_slope(i + di, j + dj$SECTOR$SIZE));\n"
      "    for (int cj = j - 2; cj <= j + 1; ++cj) {\n"
      "        for (int ci = i - 2; ci <= i + 1; ++ci) {\n"
      "            float h00 = conemap_texel(ci, cj$SIZE), h10 = conemap_texel(ci + 1, cj$SIZE);\n"
      "            float h01 = conemap_texel(ci, cj + 1$SIZE), h11 = conemap_texel(ci + 1, cj + 1$SIZE);\n"
-     "            float x = max(abs(h10 - h00), abs(h11 - h01)) / a, y = max(abs(h01 - h00), abs(h11 - h10)) / "
-     "b;\n"
+     "?!sectors             float x = max(abs(h10 - h00), abs(h11 - h01)) / a;\n"
+     "?!sectors             float y = max(abs(h01 - h00), abs(h11 - h10)) / b;\n"
+     "?sectors             float x = max(0.0f, max(right * (h10 - h00), right * (h11 - h01))) / a;\n"
+     "?sectors             float y = max(0.0f, max(down * (h01 - h00), down * (h11 - h10))) / b;\n"
      "            gradient = max(gradient, x * x + y * y);\n"
+     "?proven             if (ci == i - 2 || ci == i + 1 || cj == j - 2 || cj == j + 1) continue;\n"
+     "?proven             float twist = h11 - h01 - (h10 - h00); // cells at the texel: behind its top one may fall itself\n"
+     "?proven             bend = max(bend, twist * twist / (a * a + b * b));\n"
+     "?proven             for (int c = 0; c < 9; ++c) { // and what touches it\n"
+     "?proven                 int di = int(uint(c) % 3u) - 1, dj = int(uint(c) / 3u) - 1;\n"
+     "?proven                 if (c == 4) continue;\n"
+     "?proven                 if (conemap_falls(ci + di, cj + dj, di - 1, di + 1, dj - 1, dj + 1$SIZE)) falls = true;\n"
+     "?proven             }\n"
      "        }\n"
      "    }\n"
-     "    return 1.0001f * max(gradient, s * (1.0f + 0.5f * (a * a + b * b) / (shorter * shorter))); // 1.0001: "
-     "rounding\n"
+     "?proven     gradient = max(bend, falls ? gradient : 0.0f);\n"
+     "    s = s * (1.0f + 0.25f * (a * a + b * b) / (shorter * shorter));\n"
+     "    return 1.0001f * max(gradient, s); // 1.0001: rounding\n"
      "}\n"},
     {"conemap_highest", "// The highest corner of a bilinear cell; 0 beyond the map.\n"
                         "$FNfloat conemap_highest(int i, int j$SIZE_PARAMS) {\n"
@@ -8088,7 +8112,7 @@ static const conemap__snippet conemap__snippets[] = {
     {"conemap_steeper",
      "// The steepest slope, squared, from height `apex` at texel (i, j), which may lie beside the map, to the texels of a\n"
      "// block; s is known already. Blocks that hold nothing steeper are left out, nearer ones come first.\n"
-     "$FNfloat conemap_steeper(float s, float apex, int i, int j, int level, int x, int y$SIZE_PARAMS) {\n"
+     "$FNfloat conemap_steeper(float s, float apex, int i, int j, int level, int x, int y$SECTOR_PARAM$SIZE_PARAMS) {\n"
      "    float a = 1.0f / $FW, b = $ASPECT / $FH;\n"
      "    int k = level, inside_i = clamp(i, 0, $W - 1), inside_j = clamp(j, 0, $H - 1);\n"
      "    for (bool done = false; !done;) {\n"
@@ -8096,7 +8120,8 @@ static const conemap__snippet conemap__snippets[] = {
      "        float v = b * float(j - clamp(j, y << k, ((y + 1) << k) - 1)), d2 = u * u + v * v;\n"
      "        float rise = max(conemap_maximum(x, y, k) - apex, 0.0f);\n"
      "        bool steeper = rise * rise > s * d2;\n"
-     "        if (steeper && k == 0) s = rise * rise / d2;\n"
+     "?sectors         if (!conemap_meets(x, y, k, i, j, sector$ROOM)) steeper = false;\n"
+     "        if (steeper && k == 0$LIMITS) s = rise * rise / d2;\n"
      "        if (steeper && k > 0) {\n"
      "            --k;\n"
      "            x = conemap_nearer(inside_i, 2 * x, k);\n"
@@ -8115,22 +8140,81 @@ static const conemap__snippet conemap__snippets[] = {
      "}\n"},
     {"conemap_exact",
      "// Steepest slope, squared, from texel (i, j) to those of blocks first..last of a level, and of those before.\n"
-     "$FNfloat conemap_exact(int i, int j, int first, int last, int level$SIZE_PARAMS) {\n"
+     "$FNfloat conemap_exact(int i, int j, int first, int last, int level$SECTOR_PARAM$SIZE_PARAMS) {\n"
      "    float s = $KEPT, apex = conemap_texel(i, j$SIZE);\n"
      "    int end = $W - 1, across = (end >> level) + 1;\n"
+     "?wrap_u,sectors     int step_u = (sector & 1) == 0 ? -$W : $W, copies_u = $COPIES_U;\n"
+     "?wrap_v,sectors     int step_v = (sector & 2) == 0 ? -$H : $H, copies_v = $COPIES_V;\n"
      "    for (int block = first; block <= last; ++block) {\n"
      "        int x = int(uint(block) % uint(across)), y = int(uint(block) / uint(across));\n"
-     "?!wraps         s = conemap_steeper(s, apex, i, j, level, x, y$SIZE);\n"
-     "?wraps         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, beside itself; as well the texel may move\n"
-     "?wraps             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y$SIZE);\n"
+     "?!wraps         s = conemap_steeper(s, apex, i, j, level, x, y$SECTOR$SIZE);\n"
+     "?wraps,!sectors         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, beside itself; as well the texel may move\n"
+     "?wraps,!sectors             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y$SIZE);\n"
+     "?wraps,sectors         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, where the sector looks\n"
+     "?wraps,sectors             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y, sector$SIZE);\n"
      "?wraps         }\n"
      "    }\n"
      "    return s;\n"
      "}\n"},
+    {"conemap_by_border", "$FNbool conemap_by_border(int low, int high, int size, bool clamped) {\n"
+                          "    return size == 1 || (clamped && (low <= 1 || high >= size - 2));\n"
+                          "}\n"},
+    {"conemap_meets",
+     "// Does a sector of directions from texel (i, j) meet the texels of a block?\n"
+     "?roomy // A texel stands for the cells around it, so there is room for one beyond the diagonal; and cells at a border,\n"
+     "?roomy // which is also seen for what lies outside it, count for their whole quadrant.\n"
+     "$FNbool conemap_meets(int x, int y, int k, int i, int j, int sector$ROOM_PARAMS) {\n"
+     "    int low_x = (x << k) - i, low_y = (y << k) - j, side = ((x + 1) << k) - 1 - i - low_x;\n"
+     "    int near_x = (sector & 1) == 0 ? low_x : -low_x - side, far_x = near_x + side;\n"
+     "    int near_y = (sector & 2) == 0 ? low_y : -low_y - side, far_y = near_y + side;\n"
+     "?octants     int beyond = sector > 3 ? (near_x > 0 ? near_x : 0) - far_y : (near_y > 0 ? near_y : 0) - far_x;\n"
+     "?roomy     int end_x = low_x + i + side, end_y = low_y + j + side;\n"
+     "?roomy     bool whole = conemap_by_border(i, i, $W, $CLAMPED_U) || conemap_by_border(j, j, $H, $CLAMPED_V) ||\n"
+     "?roomy                  conemap_by_border(low_x + i, end_x, $W, $CLAMPED_U) ||\n"
+     "?roomy                  conemap_by_border(low_y + j, end_y, $H, $CLAMPED_V);\n"
+     "?roomy     if (whole || beyond == 1) beyond = 0;\n"
+     "?octants     return far_x >= 0 && far_y >= 0 && beyond <= 0;\n"
+     "?!octants     return far_x >= 0 && far_y >= 0;\n"
+     "}\n"},
+    {"conemap_least_product", "$FNfloat conemap_least_product(float a0, float a1, float b0, float b1) {\n"
+                              "    return min(min(a0 * b0, a0 * b1), min(a1 * b0, a1 * b1));\n"
+                              "}\n"},
+    {"conemap_falls",
+     "?proven // Does cell (i, j) fall anywhere for a flight of x0..x1 texels to the right and y0..y1 down?\n"
+     "?proven $FNbool conemap_falls(int i, int j, int x0, int x1, int y0, int y1$SIZE_PARAMS) {\n"
+     "?proven     float h00 = conemap_texel(i, j$SIZE), h10 = conemap_texel(i + 1, j$SIZE);\n"
+     "?proven     float h01 = conemap_texel(i, j + 1$SIZE), h11 = conemap_texel(i + 1, j + 1$SIZE);\n"
+     "?proven     float across = conemap_least_product(float(x0), float(x1), h10 - h00, h11 - h01);\n"
+     "?proven     float along = conemap_least_product(float(y0), float(y1), h01 - h00, h11 - h10);\n"
+     "?proven,!wrap_u     if ((i < 0 && x0 < 0) || (i >= $W - 1 && x1 > 0)) return true; // beyond a border everything does\n"
+     "?proven,!wrap_v     if ((j < 0 && y0 < 0) || (j >= $H - 1 && y1 > 0)) return true;\n"
+     "?proven     return across + along < 0.0f;\n"
+     "?proven }\n"
+     "?!proven // Does a side of the cell between texels (i, j) and (x, y) fall, flown through from (i, j)?\n"
+     "?!proven $FNbool conemap_falls(int i, int j, int x, int y$SIZE_PARAMS) {\n"
+     "?!proven     float h00 = conemap_texel(i, j$SIZE), h10 = conemap_texel(x, j$SIZE);\n"
+     "?!proven     float h01 = conemap_texel(i, y$SIZE), h11 = conemap_texel(x, y$SIZE);\n"
+     "?!proven,!wrap_u     if (x < 0 || x >= $W) return true; // beyond a border everything does\n"
+     "?!proven,!wrap_v     if (y < 0 || y >= $H) return true;\n"
+     "?!proven     return h00 > h10 || h00 > h01 || h10 > h11 || h01 > h11;\n"
+     "?!proven }\n"},
+    {"conemap_limits",
+     "?proven // Is texel (x, y) at a cell that falls seen from those at texel (i, j)?\n"
+     "?!proven // Does the surface fall behind texel (x, y), seen from (i, j)? Straight ahead there are two cells.\n"
+     "$FNbool conemap_limits(int x, int y, int i, int j$SIZE_PARAMS) {\n"
+     "    bool falls = false;\n"
+     "    for (int c = 0; c < 4 && !falls; ++c) {\n"
+     "?proven         int ci = x - (c & 1), cj = y - (c >> 1);\n"
+     "?proven         falls = conemap_falls(ci, cj, ci - i - 1, ci - i + 2, cj - j - 1, cj - j + 2$SIZE);\n"
+     "?!proven         int di = 1 - 2 * (c & 1), dj = 1 - (c & 2);\n"
+     "?!proven         if (di * (x - i) >= 0 && dj * (y - j) >= 0) falls = conemap_falls(x, y, x + di, y + dj$SIZE);\n"
+     "    }\n"
+     "    return falls;\n"
+     "}\n"},
     {"conemap_stored",
      "// The cone as the texture keeps it: 2^-20 narrower for all rounding, and rounded down.\n"
-     "$FNfloat conemap_stored(int i, int j$SIZE_PARAMS) {\n"
-     "    float s = conemap_slope(i, j$SIZE), tangent = $MAX_TAN;\n"
+     "$FNfloat conemap_stored(int i, int j$SECTOR_PARAM$SIZE_PARAMS) {\n"
+     "    float s = conemap_slope(i, j$SECTOR$SIZE), tangent = $MAX_TAN;\n"
      "    if (s > 0.0f) tangent = min(tangent, 0.999999f / sqrt(s));\n"
      "?radius     float stored = (1.0f - conemap_texel(i, j$SIZE)) * tangent * 0.999999f;\n"
      "?sqrt     float stored = sqrt(tangent) * 0.999999f;\n"
@@ -8156,7 +8240,8 @@ static const char conemap__trace_head[] =
     "decides.\n"
     "?qdm // Blocks under the ray are left behind whole, others are entered; in a cell a straight line decides.\n"
     "?any $FNbool conemap_any_hit(vec3 origin, vec3 direction$PARAMS) {\n"
-    "?!any $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?bare vec4 conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
+    "?!any,!bare $FNconemap_hit conemap_trace(vec3 origin, vec3 direction$PARAMS) {\n"
     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
     "    vec2 range = conemap_clip(vec2($T_MIN, 1e30f), origin.z, direction.z, 0.0f, 1.0f); // of t over the map\n"
     "    float ground = direction.z < 0.0f ? range.y : 2e30f; // who gets there has hit: no height is below\n"
@@ -8196,15 +8281,16 @@ static const char conemap__trace_head[] =
     "@move\n";
 
 static const char conemap__move_text[] =
-    "        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.\n"
-    "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;\n"
+    "        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their "
+    "bits\n"
     "        i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);\n";
 
 static const char conemap__surface_text[] = /* the height below the ray, and with `cones` the cone there */
     "?both,!gather,!hardware         vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + si, j$MAP);\n"
     "?both,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
-    "?both,!gather,!hardware         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?both,!gather,!hardware,!together         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+    "?together         vec2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height and cone\n"
     "?!both,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
     "j$MAP),\n"
     "?!both,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
@@ -8217,10 +8303,10 @@ static const char conemap__surface_text[] = /* the height below the ray, and wit
     "?hardware,cones,!apart         float height = both.x;\n"
     "?hardware,apart         float height = $SAMPLE_HEIGHT;\n"
     "?hardware,!cones,!apart         float height = $SAMPLE_HEIGHT;\n"
-    "?!hardware         float height = conemap_mix(heights, x, y);\n";
+    "?!together,!hardware         float height = conemap_mix(heights, x, y);\n";
 
 static const char conemap__cone_text[] =
-    "?both,!gather,!hardware,!per_cell         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+    "?both,!gather,!hardware,!per_cell,!together         float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
     "?both,!gather,!hardware,per_cell         float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
     "?both,gather,!per_cell         float cone = conemap_mix(conemap_turn($GATHER_CONES, si, sj), x, y);\n"
     "?sectors,!hardware,!per_cell         vec4 cones = vec4(conemap_cone(i, j, sector$MAP),\n"
@@ -8238,7 +8324,7 @@ static const char conemap__loop_exact[] =
     "@cone\n"
     "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
     "the border\n"
-    "        hit = conemap_patch_hit(heights, x, y, z - height, v, min(leave, left));\n"
+    "        hit = conemap_patch_hit($CORNERS, x, y, z - $HEIGHT, v, min(leave, left));\n"
     "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
     "it\n"
     "?back             walked = t;\n"
@@ -8247,11 +8333,11 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding\n"
-    "        float closing = speed - $TANGENT * v.z;\n"
-    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "        float gap = z - $HEIGHT - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised by more "
+    "than rounding\n"
+    "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f);\n"
-    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$TANGENT * gap / closing : "
+    "?back         dt = gap <= 0.0f$CONES_DENIED ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f;\n"
     "?back         flown = dt > leave ? dt : 0.0f;\n"
     "?back         dt = max(dt, leave);\n"
@@ -8260,7 +8346,7 @@ static const char conemap__loop_exact[] =
 static const char conemap__loop_linear[] =
     "@surface\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8270,12 +8356,12 @@ static const char conemap__loop_linear[] =
 static const char conemap__loop_loop[] =
     "@surface\n"
     "@cone\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= $TOLERANCE;\n"
     "        if (steps + 1 == $LIMIT || (steps == 0 && gap <= 0.0f)) break; // it begins inside\n"
     "?secant         if (gap > 0.0f) above = gap;\n"
     "?refined         if (gap > 0.0f) t_above = t;\n"
-    "        dt = max(conemap_cone_step($TANGENT, gap, speed, v.z), range.x - t);\n"
+    "        dt = max(conemap_cone_step($APERTURE, gap, speed, v.z), range.x - t);\n"
     "        ends = dt >= range.y - t;\n"
     "        if (ends) dt = range.y - t;\n";
 
@@ -8283,11 +8369,11 @@ static const char conemap__loop_step[] = /* exact-step, cell-max */
     "@surface\n"
     "@cone\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - height, 0.0f) : z - height;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
-    "        dt = conemap_cone_step($TANGENT, gap, speed, v.z)$EXTRA;\n"
+    "        dt = conemap_cone_step($APERTURE, gap, speed, v.z)$EXTRA;\n"
     "?cell_max         if (speed > 0.0f) dt = max(dt, min((1.000001f - x) / v.x, (1.000001f - y) / v.y));\n"
     "        ends = dt >= range.y - t;\n"
     "        if (ends) dt = range.y - t;\n";
@@ -8309,8 +8395,8 @@ static const char conemap__loop_blocks[] =
     "            continue;\n"
     "        }\n"
     "@surface\n"
-    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - height, v, end);\n"
-    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - height, v, end);\n"
+    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $HEIGHT, v, end);\n"
+    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $HEIGHT, v, end);\n"
     "        done = hit >= 0.0f || leave >= left;\n"
     "        if (done) break;\n"
     "        dt = leave;\n"
@@ -8320,7 +8406,7 @@ static const char conemap__trace_tail[] =
     "    }\n"
     "?solves     if (done && hit < 0.0f && range.y == ground && range.x <= range.y) hit = range.y - t;\n"
     "?any     return hit >= 0.0f;\n"
-    "?solves,!any     dt = max(hit, 0.0f);\n"
+    "?solves,!any,!bare     dt = max(hit, 0.0f);\n"
     "?loop     done = ends;\n"
     "?loop,refined     dt = t - t_above;\n"
     "?refined     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before\n"
@@ -8332,17 +8418,19 @@ static const char conemap__trace_tail[] =
     "?bisect,refined         dt = gap > 0.0f ? 0.5f * abs(dt) : -0.5f * abs(dt);\n"
     "?bisect,refined @move\n"
     "?bisect,refined @surface\n"
-    "?bisect,refined         gap = z - height;\n"
+    "?bisect,refined         gap = z - $HEIGHT;\n"
     "?bisect,refined     }\n"
     "?exact_step,!refined     dt = found && steps > 0 ? -min(extra, dt) : 0.0f; // a texel back\n"
-    "?!any     conemap_hit result;\n"
-    "?!any     result.found = $FOUND;\n"
-    "?!any     result.t = $AT_T;\n"
-    "?!any     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y "
+    "?bare     return vec4((float(i) + float(si) * $AT_X + 0.5f) / $FW,\n"
+    "?bare                 (float(j) + float(sj) * $AT_Y + 0.5f) / $FH, $AT_Z, $FOUND ? $AT_T : -1.0f);\n"
+    "?!any,!bare     conemap_hit result;\n"
+    "?!any,!bare     result.found = $FOUND;\n"
+    "?!any,!bare     result.t = $AT_T;\n"
+    "?!any,!bare     result.position = vec3((float(i) + float(si) * $AT_X + 0.5f) / $FW, (float(j) + float(sj) * $AT_Y "
     "+ 0.5f) / $FH, $AT_Z);\n"
     "?status     result.status = result.found ? 0 : done ? end_status : 4;\n"
     "?steps     result.steps = steps;\n"
-    "?!any     return result;\n"
+    "?!any,!bare     return result;\n"
     "}\n";
 
 /* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
@@ -8617,14 +8705,17 @@ static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t
 /* What stands before and behind the functions. */
 static const char conemap__head_text[] =
     "?version #version $VERSION\n"
-    "?!shading // conemap.h: $TRACER tracer.\n"
+    "?!shading,!bare // conemap.h: $TRACER tracer.\n"
+    "?bare // conemap.h: $TRACER tracer. A ray lives in the unit box over the map: u, v, z; t counts in lengths of its "
+    "direction.\n"
     "?shading // conemap.h: $TRACER tracer, with effects.\n"
     "?shading // conemap_shade($SHADE_SIGNATURE): traces a ray of the world and shades what it meets.\n"
     "?ranged // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?gradient // gradient: dFdx and dFdy of the surface's own uv.\n"
-    "?!any,!shading // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
+    "?!any,!shading,!bare // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
+    "?bare // conemap_trace($SIGNATURE): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.\n"
     "?any // conemap_any_hit($SIGNATURE): does a ray meet the relief?\n"
-    "?!shading // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
+    "?!shading,!bare // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
     "direction.\n"
     "?t_range,!shading // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?cap // max_steps: where to give up.\n"
@@ -8639,7 +8730,7 @@ static const char conemap__head_text[] =
     "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
-    "\n"
+    "?!bare \n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
@@ -8660,8 +8751,9 @@ static const char conemap__host_text[] =
     "\n";
 
 static const char conemap__fragment_text[] =
-    "?glsl $IN_0in vec3 conemap_origin;\n"
-    "?glsl $IN_1in vec3 conemap_direction;\n"
+    "?glsl,located $IN_0in vec3 conemap_origin;\n"
+    "?glsl,located $IN_1in vec3 conemap_direction;\n"
+    "?glsl,!located in vec3 conemap_origin, conemap_direction;\n"
     "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?glsl,!located out vec4 conemap_color;\n"
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
@@ -8674,7 +8766,7 @@ static const char conemap__fragment_text[] =
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
-    "\n"
+    "?!bare \n"
     "?hlsl,debug struct conemap_targets {\n"
     "?hlsl,debug     float4 color : SV_Target0; // u, v, z, t\n"
     "?hlsl,debug     float4 debug : SV_Target1; // steps, status\n"
@@ -8683,10 +8775,15 @@ static const char conemap__fragment_text[] =
     "?hlsl,debug conemap_targets main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) {\n"
     "?hlsl,!debug float4 main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) : SV_Target0 {\n"
     "?glsl void main() {\n"
-    "?hlsl,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
-    "?glsl,!any     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
-    "?discards     if (!hit.found) discard;\n"
-    "?glsl,!any     conemap_color = vec4(hit.position, hit.t);\n"
+    "?hlsl,bare     float4 hit = conemap_trace(origin, direction$ARGS);\n"
+    "?hlsl,bare     if (hit.w < 0.0f) discard;\n"
+    "?hlsl,bare     return hit;\n"
+    "?glsl,bare     conemap_color = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
+    "?glsl,bare     if (conemap_color.w < 0.0f) discard;\n"
+    "?hlsl,!any,!bare     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?glsl,!any,!bare     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
+    "?discards,!bare     if (!hit.found) discard;\n"
+    "?glsl,!any,!bare     conemap_color = vec4(hit.position, hit.t);\n"
     "?glsl,any     float light = conemap_any_hit(conemap_origin, conemap_direction$ARGS) ? 0.0f : 1.0f;\n"
     "?glsl,any     conemap_color = vec4(light, light, light, 1.0f);\n"
     "?glsl,debug     conemap_debug = vec4($DEBUG);\n"
@@ -8694,7 +8791,6 @@ static const char conemap__fragment_text[] =
     "?hlsl,debug     targets.color = vec4(hit.position, hit.t);\n"
     "?hlsl,debug     targets.debug = vec4($DEBUG);\n"
     "?hlsl,debug     return targets;\n"
-    "?hlsl,!debug,!any     return vec4(hit.position, hit.t);\n"
     "?hlsl,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
     "?hlsl,any     return vec4(light, light, light, 1.0f);\n"
     "}\n";
@@ -8734,11 +8830,12 @@ static const char conemap__compute_text[] =
     "1$UNSIGNED].xyz;\n"
     "?t_range     vec4 origin = conemap_rays[2$UNSIGNED * ray], direction = conemap_rays[2$UNSIGNED * ray + "
     "1$UNSIGNED];\n"
-    "?t_range,!any     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
-    "?!t_range,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?t_range,bare     conemap_hits[ray] = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,bare     conemap_hits[ray] = conemap_trace(origin, direction$ARGS);\n"
+    "?t_range,debug     conemap_hit hit = conemap_trace(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
+    "?!t_range,debug     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
     "?t_range,any     bool met = conemap_any_hit(origin.xyz, direction.xyz, origin.w, direction.w$ARGS);\n"
     "?!t_range,any     bool met = conemap_any_hit(origin, direction$ARGS);\n"
-    "?!any,!debug     conemap_hits[ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray] = vec4(hit.position, hit.found ? hit.t : -1.0f);\n"
     "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
     "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no "
@@ -8768,7 +8865,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     unsigned char *f = e->flags;
     conemap_result result;
     conemap_tracer tracer;
-    int k, m, relaxed;
+    int k, m, relaxed, functions = d->stage == CONEMAP_STAGE_FUNCTIONS;
     if (!CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT) || !CONEMAP__KNOWN(d->stage, CONEMAP_STAGE_COUNT) ||
         !CONEMAP__KNOWN(d->filter, CONEMAP_FILTER_COUNT) ||
         !CONEMAP__KNOWN(d->precision, CONEMAP_PRECISION_COUNT) ||
@@ -8863,6 +8960,9 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_size_asked] = !d->fetch && !d->fixed_size && !d->atlas;
     f[conemap__flag_fragment] = d->stage == CONEMAP_STAGE_FRAGMENT;
     f[conemap__flag_compute] = d->stage == CONEMAP_STAGE_COMPUTE;
+    f[conemap__flag_bare] = !functions && !f[conemap__flag_any] && !f[conemap__flag_debug] && d->flags == 0;
+    f[conemap__flag_together] = f[conemap__flag_both] && !f[conemap__flag_per_cell] && !f[conemap__flag_c] &&
+                                d->filter == CONEMAP_FILTER_FETCH;
     f[conemap__flag_uses_map] = !d->fetch && (f[conemap__flag_cones] || !f[conemap__flag_cone_only]);
     f[conemap__flag_uses_heights] = f[conemap__flag_cone_only];
     f[conemap__flag_uses_maxima] = f[conemap__flag_blocks] && !d->fetch_maxima;
@@ -9091,6 +9191,13 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        d->map.texture.encoding == CONEMAP_SQRT     ? "cone * cone"
                        : d->map.texture.encoding == CONEMAP_RADIUS ? "conemap_tangent(cone, height)"
                                                                    : "cone");
+    conemap__piece_set(e, "APERTURE", 0, /* in the loops */
+                       !f[conemap__flag_together]                    ? "$TANGENT"
+                       : d->map.texture.encoding == CONEMAP_SQRT     ? "here.y * here.y"
+                       : d->map.texture.encoding == CONEMAP_RADIUS   ? "conemap_tangent(here.y, here.x)"
+                                                                     : "here.y");
+    conemap__piece_set(e, "HEIGHT", 0, f[conemap__flag_together] ? "here.x" : "height");
+    conemap__piece_set(e, "CORNERS", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
     out = conemap__piece_new(e, "CONES_DENIED", 0);
     if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
     conemap__append(out, size, " || t < walked");
@@ -9107,10 +9214,11 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "EXTRA", 0, f[conemap__flag_exact_step] ? " + extra" : "");
     k = f[conemap__flag_solves] ||
         (f[conemap__flag_exact_step] && !f[conemap__flag_refined]); /* dt is still to go */
-    conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * dt)" : "x");
-    conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * dt)" : "y");
-    conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * dt" : "z");
-    conemap__piece_set(e, "AT_T", 0, k ? "t + dt" : "t");
+    conemap__piece_set(e, "AT_X", 0, k ? "(x + v.x * $REST)" : "x");
+    conemap__piece_set(e, "AT_Y", 0, k ? "(y + v.y * $REST)" : "y");
+    conemap__piece_set(e, "AT_Z", 0, k ? "z + v.z * $REST" : "z");
+    conemap__piece_set(e, "AT_T", 0, k ? "t + $REST" : "t");
+    conemap__piece_set(e, "REST", 0, f[conemap__flag_bare] && f[conemap__flag_solves] ? "hit" : "dt");
 
     /* Blocks. */
     conemap__piece_set(e, "CELLS_U", 0,
@@ -9222,25 +9330,51 @@ static void conemap__make_pieces(conemap__emitter *e) {
         conemap__piece_set(e, "SHARE_V", 0, f[conemap__flag_wrap_v] ? "0.5f" : "(j > 0 && j < $H - 1 ? 0.5f : 1.0f)");
         conemap__piece_set(e, "REPEATS_U", 0, f[conemap__flag_wrap_u] ? "true" : "false");
         conemap__piece_set(e, "REPEATS_V", 0, f[conemap__flag_wrap_v] ? "true" : "false");
-        conemap__piece_set(e, "COPIES", 0, f[conemap__flag_wrap_u] && f[conemap__flag_wrap_v] ? "9" : "3");
-        conemap__piece_set(e, "COPY_U", 0, f[conemap__flag_wrap_u] ? "i + (int(uint(copy + 1) % 3u) - 1) * $W" : "i");
-        conemap__piece_set(e, "COPY_V", 0,
-                           !f[conemap__flag_wrap_v]  ? "j"
-                           : f[conemap__flag_wrap_u] ? "j + (int(uint(copy + 3) / 3u % 3u) - 1) * $H"
-                                                     : "j + (int(uint(copy + 1) % 3u) - 1) * $H");
+        if (f[conemap__flag_sectors]) {
+            conemap__piece_set(e, "COPIES", 0,
+                               !f[conemap__flag_wrap_u]   ? "copies_v"
+                               : !f[conemap__flag_wrap_v] ? "copies_u"
+                                                          : "copies_u * copies_v");
+            conemap__piece_set(e, "COPY_U", 0,
+                               f[conemap__flag_wrap_u] ? "i + int(uint(copy) % uint(copies_u)) * step_u" : "i");
+            conemap__piece_set(e, "COPY_V", 0,
+                               !f[conemap__flag_wrap_v]  ? "j"
+                               : f[conemap__flag_wrap_u] ? "j + int(uint(copy) / uint(copies_u)) * step_v"
+                                                         : "j + copy * step_v");
+            conemap__piece_set(e, "COPIES_U", 0,
+                               f[conemap__flag_octants] ? "sector < 4 ? 3 + int(uint($H) / uint($W)) : 2" : "2");
+            conemap__piece_set(e, "COPIES_V", 0,
+                               f[conemap__flag_octants] ? "sector > 3 ? 3 + int(uint($W) / uint($H)) : 2" : "2");
+            conemap__piece_set(e, "CLAMPED_U", 0, d->map.wrap_u == CONEMAP_CLAMP ? "true" : "false");
+            conemap__piece_set(e, "CLAMPED_V", 0, d->map.wrap_v == CONEMAP_CLAMP ? "true" : "false");
+        } else {
+            conemap__piece_set(e, "COPIES", 0, f[conemap__flag_wrap_u] && f[conemap__flag_wrap_v] ? "9" : "3");
+            conemap__piece_set(e, "COPY_U", 0,
+                               f[conemap__flag_wrap_u] ? "i + (int(uint(copy + 1) % 3u) - 1) * $W" : "i");
+            conemap__piece_set(e, "COPY_V", 0,
+                               !f[conemap__flag_wrap_v]  ? "j"
+                               : f[conemap__flag_wrap_u] ? "j + (int(uint(copy + 3) / 3u % 3u) - 1) * $H"
+                                                         : "j + (int(uint(copy + 1) % 3u) - 1) * $H");
+        }
+        conemap__piece_set(e, "SECTOR_PARAM", 0, f[conemap__flag_sectors] ? ", int sector" : "");
+        conemap__piece_set(e, "SECTOR", 0, f[conemap__flag_sectors] ? ", sector" : "");
+        conemap__piece_set(e, "ROOM_PARAMS", 0, f[conemap__flag_roomy] ? "$SIZE_PARAMS" : "");
+        conemap__piece_set(e, "ROOM", 0, f[conemap__flag_roomy] ? "$SIZE" : "");
+        conemap__piece_set(e, "CHANNEL", 0, f[conemap__flag_sectors] ? "[sector & 3]" : ".r");
+        conemap__piece_set(e, "LIMITS", 0, f[conemap__flag_relaxed] ? " && conemap_limits(x, y, i, j$SIZE)" : "");
         if (d->fetch_maxima)
             conemap__piece_set(e, "MAXIMUM_AT", 0, "$FETCH_MAXIMA_NAME(x, y, k)");
         else
             conemap__read_texture(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", fetch,
                                   hlsl ? "(int3(x, y, k))" : ", ivec2(x, y), k)", ".r");
-        conemap__append(conemap__piece_new(e, "KEPT", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME(i, j)"
-                        : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0)).r"
-                                                    : "texelFetch($MAP_NAME, ivec2(i, j), 0).r");
-        conemap__append(conemap__piece_new(e, "SLOPE", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME($I, $J)"
-                        : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0)).r"
-                                                    : "texelFetch($MAP_NAME, ivec2($I, $J), 0).r");
+        conemap__piece_set(e, "KEPT", 0,
+                           f[conemap__flag_host_state] ? "$FETCH_CONES_NAME(i, j$SECTOR)"
+                           : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0))$CHANNEL"
+                                                       : "texelFetch($MAP_NAME, ivec2(i, j), 0)$CHANNEL");
+        conemap__piece_set(e, "SLOPE", 0,
+                           f[conemap__flag_host_state] ? "$FETCH_CONES_NAME($I, $J$SECTOR)"
+                           : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0))$CHANNEL"
+                                                       : "texelFetch($MAP_NAME, ivec2($I, $J), 0)$CHANNEL");
         conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
         conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
@@ -9394,26 +9528,32 @@ static const char conemap__kernel_head[] =
     "?texels // conemap.h: maxima over texels, the finest level.\n"
     "?maxima // conemap.h: maxima, a level from the one below.\n"
     "?quick // conemap.h: quick cones.\n"
-    "?search // conemap.h: exact cones, by branch and bound over maxima.\n"
+    "?search,!relaxed // conemap.h: exact cones, by branch and bound over maxima.\n"
+    "?search,relaxed // conemap.h: exact relaxed cones, by branch and bound over maxima.\n"
     "?uses_heights // $HEIGHTS_NAME: height in the first channel; only fetched\n"
-    "?uses_map // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?uses_map,!sectors // $MAP_NAME: r32f, the state: slope squared; only fetched\n"
+    "?uses_map,sectors // $MAP_NAME: rgba32f, the state: slope squared, of four sectors; only fetched\n"
     "?uses_maxima,!maxima // $MAXIMA_NAME: r32f, maxima over texels, with all mips; only fetched\n"
     "?uses_maxima,maxima // $MAXIMA_NAME: r32f, the levels below; only fetched\n"
     "?size_argument // size: the map's width and height in texels.\n"
     "?c #include <math.h>\n"
     "?quick,c #include <stdbool.h>\n"
     "?search,c #include <stdbool.h>\n"
+    "?ring,relaxed,c #include <stdbool.h>\n"
+    "?ring,sectors,c #include <stdbool.h>\n"
+    "?safe,proven,c #include <stdbool.h>\n"
     "\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
     "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_maxima,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
-    "?uses_map,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_map,hlsl,!sectors Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
+    "?uses_map,hlsl,sectors Texture2D<vec4> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,hlsl Texture2D<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
     "?host float $FETCH_NAME(int i, int j);\n"
-    "?host_state float $FETCH_CONES_NAME(int i, int j);\n"
+    "?host_state float $FETCH_CONES_NAME(int i, int j$SECTOR_PARAM);\n"
     "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
     "\n";
 
@@ -9422,6 +9562,7 @@ static const char conemap__kernel_main[] =
     "?hlsl,argued cbuffer conemap_arguments : register(b$BINDING) {\n"
     "?batched $UNIFORMint conemap_first, conemap_last;\n"
     "?levelled $UNIFORMint conemap_level;\n"
+    "?batched,octants $UNIFORMint conemap_sector; // the first of four\n"
     "?vulkan,argued };\n"
     "?hlsl,argued };\n"
     "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
@@ -9445,11 +9586,23 @@ static const char conemap__kernel_main[] =
     "?compute,levels,hlsl     uint width, height;\n"
     "?compute,levels,hlsl     conemap_out.GetDimensions(width, height);\n"
     "?compute,levels,hlsl     if (thread.x >= width || thread.y >= height) return;\n"
+    "?sectors     vec4 four;\n"
+    "?sectors     four.x = $CALL;\n"
+    "?sectors     four.y = $CALL_1;\n"
+    "?sectors     four.z = $CALL_2;\n"
+    "?sectors     four.w = $CALL_3;\n"
     "?fragment,glsl     conemap_color = vec4($RESULT);\n"
     "?fragment,hlsl     return vec4($RESULT);\n"
     "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
     "?compute,hlsl     conemap_out[uint2(thread.xy)] = $RESULT_HLSL;\n"
     "}\n";
+
+/* Do the passes make cones safe for the bilinear surface? */
+static int conemap__makes_safe(const conemap_info *info) {
+    if (info->generator == CONEMAP_RELAXED || info->generator == CONEMAP_RELAXED_EXACT)
+        return info->generator == CONEMAP_RELAXED_EXACT;
+    return info->guarantee != CONEMAP_GUARANTEE_VERTEX && info->guarantee != CONEMAP_GUARANTEE_NONE;
+}
 
 /* Sets the emitter up for a kernel: only the fields that matter are taken over from the desc. */
 static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap_shader_desc *desc,
@@ -9504,7 +9657,14 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_levelled] = f[conemap__flag_maxima] || f[conemap__flag_search];
     f[conemap__flag_argued] = f[conemap__flag_batched] || f[conemap__flag_levelled];
     f[conemap__flag_levels] = f[conemap__flag_cells] || f[conemap__flag_texels] || f[conemap__flag_maxima];
-    f[conemap__flag_pair] = f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE;
+    f[conemap__flag_sectors] = texture.sectors > 1 && !f[conemap__flag_levels];
+    f[conemap__flag_octants] = texture.sectors == 8 && !f[conemap__flag_levels];
+    f[conemap__flag_roomy] = f[conemap__flag_octants] && conemap__makes_safe(&desc->map);
+    f[conemap__flag_relaxed] =
+        d->map.generator == CONEMAP_RELAXED || d->map.generator == CONEMAP_RELAXED_EXACT;
+    f[conemap__flag_proven] = d->map.generator == CONEMAP_RELAXED_EXACT;
+    f[conemap__flag_pair] =
+        f[conemap__flag_store] && texture.layout == CONEMAP_HEIGHT_CONE && !f[conemap__flag_sectors];
     f[conemap__flag_slopes] = f[conemap__flag_store] && texture.layout == CONEMAP_DUMMER;
     state = !f[conemap__flag_levels] && !f[conemap__flag_quick];
     maxima = f[conemap__flag_maxima] || f[conemap__flag_quick] || f[conemap__flag_search];
@@ -9520,10 +9680,11 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     es_compute = f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE; /* which has but few formats of images */
     if ((d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->fetch && state && !d->fetch_cones) ||
         (d->fetch && maxima && !d->fetch_maxima) || (!d->fetch && (d->fetch_cones || d->fetch_maxima)) ||
-        texture.sectors > 1 ||
+        (f[conemap__flag_sectors] && (f[conemap__flag_quick] || f[conemap__flag_relaxed])) ||
         (es_compute && f[conemap__flag_store] &&
-         (f[conemap__flag_slopes] ? texture.format == CONEMAP_UNORM16
-                                  : f[conemap__flag_pair] || texture.format != CONEMAP_F32)))
+         (f[conemap__flag_slopes] || f[conemap__flag_sectors]
+              ? texture.format == CONEMAP_UNORM16
+              : f[conemap__flag_pair] || texture.format != CONEMAP_F32)))
         return CONEMAP_ERROR_UNSUPPORTED;
     f[conemap__flag_size_asked] = !d->fixed_size && !d->fetch && !f[conemap__flag_maxima];
     return CONEMAP_OK;
@@ -9535,15 +9696,19 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
         "conemap_ring",   "conemap_steepest", "conemap_safe",  "conemap_stored", "conemap_highest",
         "conemap_padded", "conemap_four",     "conemap_quick", "conemap_exact"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {
-        "conemap_ring(i, j, conemap_first, conemap_last$SIZE)",
-        "conemap_steepest(i, j$SIZE)",
-        "conemap_safe(i, j$SIZE)",
-        "conemap_stored(i, j$SIZE)",
-        "conemap_highest(i, j$SIZE)",
-        "conemap_padded(i, j$SIZE)",
-        "conemap_four(i, j, conemap_level)",
-        "conemap_quick(i, j$SIZE)",
-        "conemap_exact(i, j, conemap_first, conemap_last, conemap_level$SIZE)"};
+        "conemap_ring(i, j, conemap_first, conemap_last",
+        "conemap_steepest(i, j",
+        "conemap_safe(i, j",
+        "conemap_stored(i, j",
+        "conemap_highest(i, j",
+        "conemap_padded(i, j",
+        "conemap_four(i, j, conemap_level",
+        "conemap_quick(i, j",
+        "conemap_exact(i, j, conemap_first, conemap_last, conemap_level"};
+    static const char *const sectors[2][4] = {
+        {", 0", ", 1", ", 2", ", 3"},
+        {", conemap_sector", ", conemap_sector + 1", ", conemap_sector + 2", ", conemap_sector + 3"}};
+    static const char *const names[4] = {"CALL", "CALL_1", "CALL_2", "CALL_3"};
     static const char *const formats[CONEMAP_FORMAT_COUNT][3] = {{"r32f", "rg32f", "rgba32f"},
                                                                  {"r16f", "rg16f", "rgba16f"},
                                                                  {"r16", "rg16", "rgba16"},
@@ -9556,14 +9721,15 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     conemap__emitter e;
     conemap_result result;
     char *out;
-    int binding, wide, unorm;
+    int binding, wide, unorm, k;
     memset(&e, 0, sizeof e);
     e.text = text;
     e.capacity = capacity;
     result = conemap__resolve_kernel(&e, desc, kernel);
     if (result != CONEMAP_OK) return result;
     conemap__make_pieces(&e);
-    wide = e.flags[conemap__flag_slopes] ? 2 : e.flags[conemap__flag_pair]; /* one channel, two, four */
+    wide = e.flags[conemap__flag_slopes] || e.flags[conemap__flag_sectors] ? 2
+                                                                         : e.flags[conemap__flag_pair]; /* 1, 2, 4 */
     unorm = kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm];
     binding = e.desc.binding + e.flags[conemap__flag_uses_map] + e.flags[conemap__flag_uses_heights] +
               e.flags[conemap__flag_uses_maxima];
@@ -9572,11 +9738,20 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     conemap__piece_set(&e, "OUT_TYPE", 1, types[unorm][wide]);
     conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b',
                             e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
-    conemap__piece_set(&e, "CALL", 0, calls[kernel]);
+    for (k = 0; k < (e.flags[conemap__flag_sectors] ? 4 : 1); ++k) {
+        out = conemap__piece_new(&e, names[k], 0);
+        conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
+        if (e.flags[conemap__flag_sectors])
+            conemap__append(out, CONEMAP__PIECE_SIZE,
+                            sectors[e.flags[conemap__flag_octants] && e.flags[conemap__flag_batched]][k]);
+        conemap__append(out, CONEMAP__PIECE_SIZE, kernel == CONEMAP_KERNEL_MAXIMA ? ")" : "$SIZE)");
+    }
     out = conemap__piece_new(&e, "RESULT", 0);
-    if (wide) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
-    conemap__append(out, CONEMAP__PIECE_SIZE, "$CALL");
-    conemap__append(out, CONEMAP__PIECE_SIZE, wide == 2 ? slopes : wide ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
+    if (e.flags[conemap__flag_slopes] || e.flags[conemap__flag_pair])
+        conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
+    conemap__append(out, CONEMAP__PIECE_SIZE, e.flags[conemap__flag_sectors] ? "four" : "$CALL");
+    if (!e.flags[conemap__flag_sectors])
+        conemap__append(out, CONEMAP__PIECE_SIZE, wide == 2 ? slopes : wide ? ", 0.0f, 0.0f" : ", 0.0f, 0.0f, 0.0f");
     conemap__piece_set(&e, "RESULT_HLSL", 0,
                        wide == 2 ? "vec4($RESULT)"
                        : wide    ? "vec2(conemap_texel(i, j$SIZE), $CALL)"
@@ -9584,7 +9759,7 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     conemap__lines(&e, conemap__kernel_head, 0);
     conemap__lines(&e, conemap__kernel_head, 1);
     conemap__snippet_named(&e, functions[kernel], strlen(functions[kernel]));
-    if (wide == 2) conemap__snippet_named(&e, "conemap_gradient", strlen("conemap_gradient"));
+    if (e.flags[conemap__flag_slopes]) conemap__snippet_named(&e, "conemap_gradient", strlen("conemap_gradient"));
     if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
         conemap__lines(&e, conemap__kernel_main, 1);
         conemap__lines(&e, conemap__kernel_main, 0);
@@ -9611,6 +9786,7 @@ CONEMAP__DEF conemap_result conemap_emit_kernel(const conemap_shader_desc *desc,
 typedef struct conemap__pass_list {
     conemap_gpu_pass *passes; /* null: they are only counted */
     int count, state;         /* the copy that holds the state now */
+    int sector;
 } conemap__pass_list;
 
 static void conemap__list_pass(conemap__pass_list *list, conemap_kernel kernel, int level, int first, int last,
@@ -9621,6 +9797,7 @@ static void conemap__list_pass(conemap__pass_list *list, conemap_kernel kernel, 
     pass.level = level;
     pass.first = first;
     pass.last = last;
+    pass.sector = list->sector;
     pass.reads = list->state;
     pass.writes = kernel == CONEMAP_KERNEL_STORE ? 2 : 1 - list->state;
     if (kernel == CONEMAP_KERNEL_CELLS || kernel == CONEMAP_KERNEL_TEXELS || kernel == CONEMAP_KERNEL_MAXIMA)
@@ -9655,11 +9832,19 @@ static void conemap__list_rings(conemap__pass_list *list, const conemap_info *in
     }
 }
 
+/* How many images of a map are looked at along an axis of so many texels. */
+static int64_t conemap__copies(const conemap_info *info, conemap_wrap wrap, int size, int other) {
+    if (wrap != CONEMAP_WRAP) return 1;
+    return info->texture.sectors <= 1 ? 3 : info->texture.sectors == 4 ? 2 : 3 + other / size;
+}
+
 /* Blocks in as many passes as it takes: of the highest level that keeps to the batch, if need be. */
 static void conemap__list_blocks(conemap__pass_list *list, const conemap_info *info, int top, int64_t batch) {
-    int64_t copies = (info->wrap_u == CONEMAP_WRAP ? 3 : 1) * (info->wrap_v == CONEMAP_WRAP ? 3 : 1), cost;
-    int64_t first, blocks, at_once;
+    int64_t copies = conemap__copies(info, info->wrap_u, info->width, info->height) *
+                     conemap__copies(info, info->wrap_v, info->height, info->width);
+    int64_t cost, first, blocks, at_once;
     int level = top;
+    if (info->texture.sectors > 1) copies *= 4; /* sectors at once */
     while (level > 0 && copies * (((int64_t)4 << (2 * level)) - 1) / 3 > batch) --level;
     cost = copies * (((int64_t)4 << (2 * level)) - 1) / 3;
     at_once = batch > cost ? batch / cost : 1;
@@ -9672,34 +9857,35 @@ static void conemap__list_blocks(conemap__pass_list *list, const conemap_info *i
 
 static void conemap__list_all(conemap__pass_list *list, const conemap_shader_desc *desc, int batch) {
     const conemap_info *info = &desc->map;
-    int w = info->width, h = info->height;
-    list->count = list->state = 0;
+    int w = info->width, h = info->height, top = 0;
+    list->count = list->state = list->sector = 0;
     if (desc->trace.tracer == CONEMAP_TRACE_MAXMIP || desc->trace.tracer == CONEMAP_TRACE_QDM) {
         conemap__list_maxima(list, CONEMAP_KERNEL_CELLS, conemap__maxi(1, conemap__cell_count(w, info->wrap_u)),
                              conemap__maxi(1, conemap__cell_count(h, info->wrap_v)));
         return;
     }
-    if (info->generator == CONEMAP_RING) { /* with wrap that is farther than the nearest image of any texel */
-        conemap__list_rings(list, info, conemap__maxi(1, conemap__maxi(w, h) - 1), batch);
-    } else {
-        int top = conemap__list_maxima(list, CONEMAP_KERNEL_TEXELS, w, h);
-        if (info->generator == CONEMAP_EXACT || info->generator == CONEMAP_GENERATE_DEFAULT) {
+    if (info->generator != CONEMAP_RING) top = conemap__list_maxima(list, CONEMAP_KERNEL_TEXELS, w, h);
+    for (; list->sector < conemap__planes(info); list->sector += 4) {
+        if (info->generator == CONEMAP_RING) { /* with wrap that is farther than the nearest image of any texel */
+            conemap__list_rings(list, info, conemap__maxi(1, conemap__maxi(w, h) - 1), batch);
+        } else if (info->generator >= CONEMAP_QUICK_NAIVE && info->generator <= CONEMAP_QUICK_CENTER) {
+            conemap__list_pass(list, CONEMAP_KERNEL_QUICK, 0, 0, 0, w, h);
+        } else {
             conemap__list_rings(list, info, 1, batch); /* something steep to begin with prunes most */
             conemap__list_blocks(list, info, top, batch);
-        } else {
-            conemap__list_pass(list, CONEMAP_KERNEL_QUICK, 0, 0, 0, w, h);
         }
+        if (info->min3x3) conemap__list_pass(list, CONEMAP_KERNEL_MIN3X3, 0, 0, 0, w, h);
+        if (conemap__makes_safe(info)) conemap__list_pass(list, CONEMAP_KERNEL_SAFE, 0, 0, 0, w, h);
+        conemap__list_pass(list, CONEMAP_KERNEL_STORE, 0, 0, 0, w, h);
     }
-    if (info->min3x3) conemap__list_pass(list, CONEMAP_KERNEL_MIN3X3, 0, 0, 0, w, h);
-    if (info->guarantee != CONEMAP_GUARANTEE_VERTEX && info->guarantee != CONEMAP_GUARANTEE_NONE)
-        conemap__list_pass(list, CONEMAP_KERNEL_SAFE, 0, 0, 0, w, h);
-    conemap__list_pass(list, CONEMAP_KERNEL_STORE, 0, 0, 0, w, h);
 }
 
 CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, int batch,
                                                conemap_gpu_pass *passes, int capacity, int *count) {
     conemap__pass_list list;
     const conemap_info *info;
+    conemap_result result;
+    int exact;
     if (!desc || !count) return CONEMAP_ERROR_NULL;
     info = &desc->map;
     if (!CONEMAP__KNOWN(info->wrap_u, CONEMAP_WRAP_COUNT) || !CONEMAP__KNOWN(info->wrap_v, CONEMAP_WRAP_COUNT) ||
@@ -9709,7 +9895,12 @@ CONEMAP__DEF conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, 
     if (info->width < 1 || info->height < 1 || info->width > CONEMAP_MAX_SIZE || info->height > CONEMAP_MAX_SIZE)
         return CONEMAP_ERROR_SIZE;
     if (batch < 0) return CONEMAP_ERROR_PARAMETER;
-    if (info->generator > CONEMAP_QUICK_CENTER || info->texture.sectors > 1) return CONEMAP_ERROR_UNSUPPORTED;
+    result = conemap__check_texture(&info->texture);
+    if (result != CONEMAP_OK) return result;
+    exact = info->generator == CONEMAP_GENERATE_DEFAULT || info->generator == CONEMAP_EXACT;
+    if ((info->generator > CONEMAP_QUICK_CENTER && info->generator != CONEMAP_RELAXED &&
+         info->generator != CONEMAP_RELAXED_EXACT) || (info->texture.sectors > 1 && !exact))
+        return CONEMAP_ERROR_UNSUPPORTED;
     list.passes = NULL;
     conemap__list_all(&list, desc, batch ? batch : 4096);
     *count = list.count;

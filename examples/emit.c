@@ -22,7 +22,7 @@ static const char *const guarantees[] = {"default",          "none", "vertex", "
 static const char *const kernels[] = {"none",  "ring",   "min3x3", "safe",  "store", "cells",
                                       "texels", "maxima", "quick",  "exact", NULL};
 static const char *const generators[] = {"default", "exact", "ring", "quick-naive", "quick", "quick-naive-center",
-                                         "quick-center", NULL};
+                                         "quick-center", "relaxed-sampled", "relaxed", "relaxed-exact", NULL};
 static const char *const precisions[] = {"highp", "mediump", NULL};
 static const char *const frusta_kinds[] = {"no", "plain", "relief", NULL};
 static const char *const sources[] = {"default", "buffer", "uniforms", "texture", "texels", NULL};
@@ -97,7 +97,7 @@ int main(int argument_count, char **arguments) {
         {"--sectors", NULL, &desc.map.texture.sectors, NULL, NULL, "4 or 8: cones by direction"},
         {"--guarantee", guarantees, &guarantee, NULL, NULL, ""},
         {"--kernel", kernels, &kernel, NULL, NULL, ": of the GPU's generation, instead of a tracer"},
-        {"--generator", generators, &generator, NULL, NULL, ": which of the quick ones a kernel is for"},
+        {"--generator", generators, &generator, NULL, NULL, ": which cones a kernel is for"},
         {"--wrap-u", wraps, &wrap_u, NULL, NULL, ""},
         {"--wrap-v", wraps, &wrap_v, NULL, NULL, ""},
         {"--aspect", NULL, NULL, &desc.map.aspect, NULL, "as in the map's desc"},

@@ -36,8 +36,7 @@ static back_vec2 back_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static back_vec2 back_clip(back_vec2 range, float o, float v, float low, float high) {
+static back_vec2 back_clip(back_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return back_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return back_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -81,8 +80,7 @@ static float back_mix(back_vec4 h, float x, float y) {
     return low + (high - low) * y;
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float back_patch_hit(back_vec4 h, float x, float y, float c, back_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -109,8 +107,7 @@ static back_hit back_trace(back_vec3 origin, back_vec3 direction, back_ivec2 siz
     float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y), flown = 0.0f, walked = -1.0f;
     bool done = range.x > range.y;
     for (; !done && steps < 64 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         back_vec2 a = back_texel(i, j, size), b = back_texel(i + si, j, size);
         back_vec2 c = back_texel(i, j + sj, size), d = back_texel(i + si, j + sj, size);
@@ -126,8 +123,7 @@ static back_hit back_trace(back_vec3 origin, back_vec3 direction, back_ivec2 siz
             hit = -1.0f;
             continue;
         }
-        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
-        float closing = speed - cone * cone * v.z;
+        float gap = z - height - 1.0f / 1048576.0f, closing = speed - cone * cone * v.z; // to an apex raised by more than rounding
         dt = gap <= 0.0f || v.z >= 0.0f || t < walked ? 0.0f : closing > 0.0f ? cone * cone * gap / closing : 1e30f;
         flown = dt > leave ? dt : 0.0f;
         dt = fmaxf(dt, leave);

@@ -36,8 +36,7 @@ static cellmax_vec2 cellmax_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static cellmax_vec2 cellmax_clip(cellmax_vec2 range, float o, float v, float low, float high) {
+static cellmax_vec2 cellmax_clip(cellmax_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return cellmax_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return cellmax_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -96,8 +95,7 @@ static cellmax_hit cellmax_trace(cellmax_vec3 origin, cellmax_vec3 direction, ce
     float t = 0.0f, dt = range.x, gap = 0.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y), above = 0.0f;
     bool done = range.x > range.y, found = false, ends = false;
     for (; !done && steps < 4 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         cellmax_vec2 a = cellmax_texel(i, j, size), b = cellmax_texel(i + si, j, size);
         cellmax_vec2 c = cellmax_texel(i, j + sj, size), d = cellmax_texel(i + si, j + sj, size);
@@ -117,8 +115,7 @@ static cellmax_hit cellmax_trace(cellmax_vec3 origin, cellmax_vec3 direction, ce
     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before
     if (bracketed) {
         dt *= above > gap ? gap / (above - gap) : 0.0f;
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
     }
     cellmax_hit result;

@@ -36,8 +36,7 @@ static exact_vec2 exact_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static exact_vec2 exact_clip(exact_vec2 range, float o, float v, float low, float high) {
+static exact_vec2 exact_clip(exact_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return exact_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return exact_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -77,8 +76,7 @@ static float exact_mix(exact_vec4 h, float x, float y) {
     return low + (high - low) * y;
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float exact_patch_hit(exact_vec4 h, float x, float y, float c, exact_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -99,8 +97,7 @@ static exact_hit exact_trace(exact_vec3 origin, exact_vec3 direction, exact_ivec
     float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y);
     bool done = range.x > range.y;
     for (; !done && steps < 4 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         exact_vec2 a = exact_texel(i, j, size), b = exact_texel(i + si, j, size);
         exact_vec2 c = exact_texel(i, j + sj, size), d = exact_texel(i + si, j + sj, size);
@@ -109,8 +106,7 @@ static exact_hit exact_trace(exact_vec3 origin, exact_vec3 direction, exact_ivec
         float cone = exact_mix(exact_make_vec4(a.y, b.y, c.y, d.y), x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
         hit = exact_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
-        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
-        float closing = speed - cone * v.z;
+        float gap = z - height - 1.0f / 1048576.0f, closing = speed - cone * v.z; // to an apex raised by more than rounding
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? cone * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }

@@ -36,8 +36,7 @@ static fixed_vec2 fixed_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static fixed_vec2 fixed_clip(fixed_vec2 range, float o, float v, float low, float high) {
+static fixed_vec2 fixed_clip(fixed_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return fixed_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return fixed_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -96,8 +95,7 @@ static fixed_hit fixed_trace(fixed_vec3 origin, fixed_vec3 direction, fixed_ivec
     float t = 0.0f, dt = range.x, gap = 0.0f, speed = sqrtf(direction.x * direction.x + 2.5e-1f * direction.y * direction.y);
     bool done = range.x > range.y, found = false, ends = false;
     for (; !done && steps < 10 + 1; ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         fixed_vec2 a = fixed_texel(i, j, size), b = fixed_texel(i + si, j, size);
         fixed_vec2 c = fixed_texel(i, j + sj, size), d = fixed_texel(i + si, j + sj, size);

@@ -25,8 +25,9 @@ static float ksafe_texel(int i, int j, ksafe_ivec2 size) {
     return ksafe_fetch(ksafe_clampi(i, 0, size.x - 1), ksafe_repeat(j, size.y));
 }
 
-// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear surface: what
-// vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the gradient.
+// A slope, squared, that no point over the cells at texel (i, j) exceeds to any point of the bilinear surface:
+// what vertices see, times sqrt(1 + V) for V the variance of where in a cell one is; in the cells around, the
+// gradient.
 static float ksafe_safe(int i, int j, ksafe_ivec2 size) {
     float a = 1.0f / (float)(size.x), b = 7.5e-1f / (float)(size.y), shorter = fminf(a, b), s = 0.0f, gradient = 0.0f;
     for (int dj = -1; dj <= 1; ++dj)
@@ -35,10 +36,12 @@ static float ksafe_safe(int i, int j, ksafe_ivec2 size) {
         for (int ci = i - 2; ci <= i + 1; ++ci) {
             float h00 = ksafe_texel(ci, cj, size), h10 = ksafe_texel(ci + 1, cj, size);
             float h01 = ksafe_texel(ci, cj + 1, size), h11 = ksafe_texel(ci + 1, cj + 1, size);
-            float x = fmaxf(fabsf(h10 - h00), fabsf(h11 - h01)) / a, y = fmaxf(fabsf(h01 - h00), fabsf(h11 - h10)) / b;
+            float x = fmaxf(fabsf(h10 - h00), fabsf(h11 - h01)) / a;
+            float y = fmaxf(fabsf(h01 - h00), fabsf(h11 - h10)) / b;
             gradient = fmaxf(gradient, x * x + y * y);
         }
     }
-    return 1.0001f * fmaxf(gradient, s * (1.0f + 0.5f * (a * a + b * b) / (shorter * shorter))); // 1.0001: rounding
+    s = s * (1.0f + 0.25f * (a * a + b * b) / (shorter * shorter));
+    return 1.0001f * fmaxf(gradient, s); // 1.0001: rounding
 }
 

@@ -36,8 +36,7 @@ static linear_vec2 linear_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static linear_vec2 linear_clip(linear_vec2 range, float o, float v, float low, float high) {
+static linear_vec2 linear_clip(linear_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return linear_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return linear_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -90,8 +89,7 @@ static linear_hit linear_trace(linear_vec3 origin, linear_vec3 direction, linear
     float t = 0.0f, dt = range.x, gap = 0.0f, above = 0.0f;
     bool done = range.x > range.y, found = false, ends = false;
     for (; !done && steps < 200 + 1; ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         linear_vec4 heights = linear_make_vec4(linear_texel(i, j, size), linear_texel(i + si, j, size),
                             linear_texel(i, j + sj, size), linear_texel(i + si, j + sj, size));
@@ -107,8 +105,7 @@ static linear_hit linear_trace(linear_vec3 origin, linear_vec3 direction, linear
     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before
     if (bracketed) {
         dt *= above > gap ? gap / (above - gap) : 0.0f;
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
     }
     linear_hit result;

@@ -36,8 +36,7 @@ static loop_vec2 loop_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static loop_vec2 loop_clip(loop_vec2 range, float o, float v, float low, float high) {
+static loop_vec2 loop_clip(loop_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return loop_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return loop_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -104,8 +103,7 @@ static loop_hit loop_trace(loop_vec3 origin, loop_vec3 direction, loop_ivec2 siz
     float t = 0.0f, dt = range.x, gap = 0.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y), t_above = range.x;
     bool done = range.x > range.y, found = false, ends = false;
     for (; !done && steps < step_count + 1; ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         loop_vec2 a = loop_texel(i, j, size), b = loop_texel(i + si, j, size);
         loop_vec2 c = loop_texel(i, j + sj, size), d = loop_texel(i + si, j + sj, size);
@@ -125,8 +123,7 @@ static loop_hit loop_trace(loop_vec3 origin, loop_vec3 direction, loop_ivec2 siz
     bool bracketed = gap <= 0.0f && steps > 0; // between here and dt before
     for (int k = 0; bracketed && k <= 7; ++k) {
         dt = gap > 0.0f ? 0.5f * fabsf(dt) : -0.5f * fabsf(dt);
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         loop_vec2 a = loop_texel(i, j, size), b = loop_texel(i + si, j, size);
         loop_vec2 c = loop_texel(i, j + sj, size), d = loop_texel(i + si, j + sj, size);

@@ -1,18 +1,10 @@
-// conemap.h: max-mipmap tracer.
-// conemap_trace(origin, direction, slice): the first hit of a ray with the relief.
-// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.
+// conemap.h: max-mipmap tracer. A ray lives in the unit box over the map: u, v, z; t counts in lengths of its direction.
+// conemap_trace(origin, direction, slice): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.
 // slice: the texture array's.
 // conemap_map: rg32f, height and tan of the cone; only fetched
 // conemap_maxima: maxima over bilinear cells, with all its mips; only fetched
-
 Texture2DArray<float2> conemap_map : register(t0);
 Texture2DArray<float> conemap_maxima : register(t1);
-
-struct conemap_hit {
-    bool found;
-    float t;       // in lengths of the direction
-    float3 position; // u, v, z; u and v are not wrapped
-};
 
 int2 conemap_size() {
     uint width, height, layers;
@@ -20,8 +12,7 @@ int2 conemap_size() {
     return int2(int(width), int(height));
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-float2 conemap_clip(float2 range, float o, float v, float low, float high) {
+float2 conemap_clip(float2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0) return float2(range.x, o >= low && o <= high ? range.y : -1e30);
     return float2(max(range.x, min(a, b)), min(range.y, max(a, b)));
@@ -46,8 +37,7 @@ float conemap_mix(float4 h, float x, float y) {
     return low + (high - low) * y;
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 float conemap_patch_hit(float4 h, float x, float y, float c, float3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -57,7 +47,7 @@ float conemap_patch_hit(float4 h, float x, float y, float c, float3 v, float end
 }
 
 // Blocks under the ray are left behind whole, others are entered; in a cell the patch itself decides.
-conemap_hit conemap_trace(float3 origin, float3 direction, int slice) {
+float4 conemap_trace(float3 origin, float3 direction, int slice) {
     int2 size = conemap_size();
     float2 range = conemap_clip(float2(0.0, 1e30), origin.z, direction.z, 0.0, 1.0); // of t over the map
     float ground = direction.z < 0.0 ? range.y : 2e30; // who gets there has hit: no height is below
@@ -73,8 +63,7 @@ conemap_hit conemap_trace(float3 origin, float3 direction, int slice) {
     float t = 0.0, dt = range.x, hit = -1.0;
     bool done = range.x > range.y;
     for (; !done && steps < 256 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);
         int cell_u = conemap_repeat(si > 0 ? i : i - 1, size.x), cell_v = clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1);
         int ahead_u = conemap_ahead(cell_u, cells_u, k, si), ahead_v = conemap_ahead(cell_v, cells_v, k, sj);
@@ -98,12 +87,8 @@ conemap_hit conemap_trace(float3 origin, float3 direction, int slice) {
         k = top > 0 ? 1 : 0;
     }
     if (done && hit < 0.0 && range.y == ground && range.x <= range.y) hit = range.y - t;
-    dt = max(hit, 0.0);
-    conemap_hit result;
-    result.found = hit >= 0.0;
-    result.t = t + dt;
-    result.position = float3((float(i) + float(si) * (x + v.x * dt) + 0.5) / float(size.x), (float(j) + float(sj) * (y + v.y * dt) + 0.5) / float(size.y), z + v.z * dt);
-    return result;
+    return float4((float(i) + float(si) * (x + v.x * hit) + 0.5) / float(size.x),
+                (float(j) + float(sj) * (y + v.y * hit) + 0.5) / float(size.y), z + v.z * hit, hit >= 0.0 ? t + hit : -1.0);
 }
 
 StructuredBuffer<float4> conemap_rays : register(t2);   // origin, t_min; direction, t_max
@@ -119,6 +104,5 @@ void main(uint3 thread : SV_DispatchThreadID) {
     uint ray = thread.x;
     if (ray >= count / 2) return;
     float3 origin = conemap_rays[2u * ray].xyz, direction = conemap_rays[2u * ray + 1u].xyz;
-    conemap_hit hit = conemap_trace(origin, direction, conemap_slice);
-    conemap_hits[ray] = float4(hit.position, hit.found ? hit.t : -1.0);
+    conemap_hits[ray] = conemap_trace(origin, direction, conemap_slice);
 }

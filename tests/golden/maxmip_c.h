@@ -37,8 +37,7 @@ static maxmip_vec2 maxmip_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static maxmip_vec2 maxmip_clip(maxmip_vec2 range, float o, float v, float low, float high) {
+static maxmip_vec2 maxmip_clip(maxmip_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return maxmip_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return maxmip_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -84,8 +83,7 @@ static float maxmip_mix(maxmip_vec4 h, float x, float y) {
     return low + (high - low) * y;
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float maxmip_patch_hit(maxmip_vec4 h, float x, float y, float c, maxmip_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -109,8 +107,7 @@ static maxmip_hit maxmip_trace(maxmip_vec3 origin, maxmip_vec3 direction, maxmip
     float t = 0.0f, dt = range.x, hit = -1.0f;
     bool done = range.x > range.y;
     for (; !done && steps < 16 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         int cell_u = maxmip_clampi(si > 0 ? i + 1 : i, 0, cells_u - 1), cell_v = maxmip_clampi(sj > 0 ? j + 1 : j, 0, cells_v - 1);
         int ahead_u = maxmip_ahead(cell_u, cells_u, k, si), ahead_v = maxmip_ahead(cell_v, cells_v, k, sj);

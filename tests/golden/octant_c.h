@@ -38,8 +38,7 @@ static octant_vec2 octant_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static octant_vec2 octant_clip(octant_vec2 range, float o, float v, float low, float high) {
+static octant_vec2 octant_clip(octant_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return octant_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return octant_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -88,8 +87,7 @@ static float octant_cone(int i, int j, int sector, octant_ivec2 size) {
     return octant_cones(octant_repeat(i, size.x), octant_clampi(j, 0, size.y - 1), sector);
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float octant_patch_hit(octant_vec4 h, float x, float y, float c, octant_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -121,8 +119,7 @@ static octant_hit octant_trace(octant_vec3 origin, octant_vec3 direction, octant
     float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y);
     bool done = range.x > range.y;
     for (; !done && steps < 64 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         octant_vec4 heights = octant_make_vec4(octant_texel(i, j, size), octant_texel(i + si, j, size),
                             octant_texel(i, j + sj, size), octant_texel(i + si, j + sj, size));
@@ -134,8 +131,7 @@ static octant_hit octant_trace(octant_vec3 origin, octant_vec3 direction, octant
         float cone = octant_mix(cones, x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
         hit = octant_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
-        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
-        float closing = speed - octant_tangent(cone, height) * v.z;
+        float gap = z - height - 1.0f / 1048576.0f, closing = speed - octant_tangent(cone, height) * v.z; // to an apex raised by more than rounding
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? octant_tangent(cone, height) * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }

@@ -37,8 +37,7 @@ static qdm_vec2 qdm_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static qdm_vec2 qdm_clip(qdm_vec2 range, float o, float v, float low, float high) {
+static qdm_vec2 qdm_clip(qdm_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return qdm_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return qdm_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -112,8 +111,7 @@ static qdm_hit qdm_trace(qdm_vec3 origin, qdm_vec3 direction, qdm_ivec2 size) {
     float t = 0.0f, dt = range.x, hit = -1.0f;
     bool done = range.x > range.y;
     for (; !done && steps < 256 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         int cell_u = qdm_clampi(si > 0 ? i + 1 : i, 0, cells_u - 1), cell_v = qdm_repeat(sj > 0 ? j : j - 1, size.y);
         int ahead_u = qdm_ahead(cell_u, cells_u, k, si), ahead_v = qdm_ahead(cell_v, cells_v, k, sj);

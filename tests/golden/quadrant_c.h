@@ -38,8 +38,7 @@ static quadrant_vec2 quadrant_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static quadrant_vec2 quadrant_clip(quadrant_vec2 range, float o, float v, float low, float high) {
+static quadrant_vec2 quadrant_clip(quadrant_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return quadrant_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return quadrant_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -84,8 +83,7 @@ static float quadrant_cone(int i, int j, int sector, quadrant_ivec2 size) {
     return quadrant_cones(quadrant_clampi(i, 0, size.x - 1), quadrant_clampi(j, 0, size.y - 1), sector);
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float quadrant_patch_hit(quadrant_vec4 h, float x, float y, float c, quadrant_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -107,8 +105,7 @@ static quadrant_hit quadrant_trace(quadrant_vec3 origin, quadrant_vec3 direction
     float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + 2.5e-1f * direction.y * direction.y);
     bool done = range.x > range.y;
     for (; !done && steps < 4 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         quadrant_vec4 heights = quadrant_make_vec4(quadrant_texel(i, j, size), quadrant_texel(i + si, j, size),
                             quadrant_texel(i, j + sj, size), quadrant_texel(i + si, j + sj, size));
@@ -116,8 +113,7 @@ static quadrant_hit quadrant_trace(quadrant_vec3 origin, quadrant_vec3 direction
         float cone = quadrant_cone(si > 0 ? i : i - 1, sj > 0 ? j : j - 1, sector, size);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
         hit = quadrant_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
-        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
-        float closing = speed - cone * v.z;
+        float gap = z - height - 1.0f / 1048576.0f, closing = speed - cone * v.z; // to an apex raised by more than rounding
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? cone * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }

@@ -36,8 +36,7 @@ static step_vec2 step_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static step_vec2 step_clip(step_vec2 range, float o, float v, float low, float high) {
+static step_vec2 step_clip(step_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return step_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return step_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -102,8 +101,7 @@ static step_hit step_trace(step_vec3 origin, step_vec3 direction, step_ivec2 siz
     float t = 0.0f, dt = range.x, gap = 0.0f, speed = sqrtf(direction.x * direction.x + direction.y * direction.y);
     bool done = range.x > range.y, found = false, ends = false;
     for (; !done && steps < 4 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         step_vec2 a = step_texel(i, j, size), b = step_texel(i + si, j, size);
         step_vec2 c = step_texel(i, j + sj, size), d = step_texel(i + si, j + sj, size);

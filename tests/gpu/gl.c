@@ -476,9 +476,11 @@ static GLuint storage(int width, int height, GLenum internal, GLenum format, con
 }
 
 enum { MAKE_RING, MAKE_MIN3X3, MAKE_SAFE, MAKE_EXACT, MAKE_NAIVE, MAKE_QUICK, MAKE_NAIVE_CENTER, MAKE_QUICK_CENTER,
-       MAKE_SLOPES, MAKE_COUNT };
-static const char *const make_names[MAKE_COUNT] = {"ring", "3x3", "safe", "exact", "naive", "quick", "naive centre",
-                                                   "quick centre", "exact with slopes"};
+       MAKE_SLOPES, MAKE_RELAXED, MAKE_RELAXED_EXACT, MAKE_QUADRANTS, MAKE_OCTANTS, MAKE_SAFE_QUADRANTS,
+       MAKE_SAFE_OCTANTS, MAKE_COUNT };
+static const char *const make_names[MAKE_COUNT] = {
+    "ring",  "3x3",  "safe", "exact", "naive", "quick", "naive centre", "quick centre", "exact with slopes",
+    "relaxed", "relaxed exact", "4 sectors", "8 sectors", "4 sectors, safe", "8 sectors, safe"};
 
 /* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
 static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
@@ -486,33 +488,41 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
     static const conemap_generator generators[MAKE_COUNT] = {
         CONEMAP_RING,  CONEMAP_RING,  CONEMAP_RING,  CONEMAP_EXACT, CONEMAP_QUICK_NAIVE, CONEMAP_QUICK,
-        CONEMAP_QUICK_NAIVE_CENTER, CONEMAP_QUICK_CENTER, CONEMAP_EXACT};
-    static float heights[40 * 28], zero[64 * 64];
+        CONEMAP_QUICK_NAIVE_CENTER, CONEMAP_QUICK_CENTER, CONEMAP_EXACT, CONEMAP_RELAXED, CONEMAP_RELAXED_EXACT,
+        CONEMAP_EXACT, CONEMAP_EXACT, CONEMAP_EXACT, CONEMAP_EXACT};
+    static float heights[40 * 28], cones[8 * 40 * 28];
     static float back[64 * 64 * 4], right[64 * 64], slopes[40 * 28 * 4];
-    const int w = 40, h = 28, es = is_es(dialect), hlsl = is_hlsl(dialect), compute = stage == CONEMAP_STAGE_COMPUTE;
-    const int safe = what == MAKE_SAFE, four = what == MAKE_SLOPES;
-    char text[9000], vertex[400];
-    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], out, source, maxima, arguments;
-    int kind, k, pass, cells, compared = 0, wide = 0, narrow = 0, dispatches = 0, blocks = 0;
+    const int odd = what >= MAKE_RELAXED, w = odd ? 37 : 40, h = odd ? 27 : 28, sizes = w * h;
+    const int es = is_es(dialect), hlsl = is_hlsl(dialect), compute = stage == CONEMAP_STAGE_COMPUTE;
+    const int safe = what == MAKE_SAFE || what == MAKE_RELAXED_EXACT || what >= MAKE_SAFE_QUADRANTS;
+    const int sectors = what < MAKE_QUADRANTS ? 0 : what == MAKE_OCTANTS || what == MAKE_SAFE_OCTANTS ? 8 : 4;
+    const int slopes_too = what == MAKE_SLOPES, four = slopes_too || sectors;
+    char text[16000], vertex[400];
+    GLuint programs[CONEMAP_KERNEL_COUNT], frame, states[2], outs[2], source, maxima, arguments;
+    int kind, k, c, pass, cells, compared = 0, wide = 0, narrow = 0, dispatches = 0, blocks = 0;
+    double kept = 0.0, whole = 0.0;
     conemap_shader_desc desc;
     memset(&desc, 0, sizeof desc);
     desc.dialect = dialect;
     desc.stage = stage;
     desc.map.wrap_u = wrap;
+    if (odd) desc.map.wrap_v = wrap == CONEMAP_CLAMP ? CONEMAP_NOTHING : CONEMAP_WRAP;
     desc.map.aspect = 0.6f;
     desc.map.min3x3 = what == MAKE_MIN3X3;
     desc.map.guarantee = safe ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
     desc.map.generator = generators[what];
     desc.map.width = w;
     desc.map.height = h;
-    desc.map.texture.layout = four ? CONEMAP_DUMMER : es ? CONEMAP_CONE_ONLY : CONEMAP_HEIGHT_CONE;
-    desc.map.texture.flip_dv = four && wrap == CONEMAP_WRAP;
+    desc.map.texture.layout = slopes_too ? CONEMAP_DUMMER : es ? CONEMAP_CONE_ONLY : CONEMAP_HEIGHT_CONE;
+    desc.map.texture.flip_dv = slopes_too && wrap == CONEMAP_WRAP;
+    desc.map.texture.sectors = sectors;
     open_context(es);
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
             "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
             hlsl ? "" : versions[dialect]);
     for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
+        if (k == CONEMAP_KERNEL_QUICK && sectors) continue;
         if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
             wrong("kernel %d in dialect %d", k, (int)dialect);
             return;
@@ -527,9 +537,10 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
     for (kind = 0; kind < ZOO_KINDS; ++kind) {
         const GLenum out_format = four ? GL_RGBA32F : es ? GL_R32F : GL_RG32F;
+        const GLenum state_format = sectors ? GL_RGBA32F : GL_R32F;
         conemap_desc build_desc;
         conemap_map map;
-        conemap_gpu_pass passes[64];
+        static conemap_gpu_pass passes[256];
         int count = 0;
         memset(&build_desc, 0, sizeof build_desc);
         zoo_fill(kind, w, h, 3, heights);
@@ -537,6 +548,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         build_desc.heights.width = w;
         build_desc.heights.height = h;
         build_desc.wrap_u = wrap;
+        build_desc.wrap_v = desc.map.wrap_v;
         build_desc.aspect = 0.6f;
         build_desc.min3x3 = desc.map.min3x3;
         build_desc.generator = generators[what];
@@ -548,8 +560,11 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
             return;
         }
         source = storage(w, h, GL_R32F, GL_RED, heights);
-        for (k = 0; k < 2; ++k) states[k] = storage(w, h, GL_R32F, GL_RED, zero);
-        out = storage(w, h, out_format, GL_RED, NULL);
+        for (k = 0; k < 4 * sizes; ++k) cones[k] = 1e9f; /* what is in the state at first shall not matter */
+        for (k = 0; k < 2; ++k) {
+            states[k] = storage(w, h, state_format, sectors ? GL_RGBA : GL_RED, cones);
+            outs[k] = storage(w, h, out_format, GL_RED, NULL);
+        }
         gl.GenTextures(1, &maxima);
         gl.BindTexture(GL_TEXTURE_2D, maxima);
         gl.TexStorage2D(GL_TEXTURE_2D, 7, GL_R32F, 64, 64);
@@ -557,14 +572,17 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
         gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
         for (cells = 0; cells < (what == MAKE_EXACT ? 2 : 1); ++cells) {
             desc.trace.tracer = cells ? CONEMAP_TRACE_MAXMIP : CONEMAP_TRACE_DEFAULT;
-            if (conemap_gpu_passes(&desc, what == MAKE_SLOPES ? 1 << 20 : 900, passes, 64, &count) != CONEMAP_OK) {
+            if (conemap_gpu_passes(&desc, what == MAKE_SLOPES ? 1 << 20 : sectors ? 6000 : 900, passes, 256, &count) !=
+                CONEMAP_OK) {
                 wrong("kernels: no passes");
                 return;
             }
             for (pass = 0; pass < count; ++pass) {
                 const conemap_gpu_pass *now = &passes[pass];
                 const GLuint p = programs[now->kernel],
-                             target = now->writes == 2 ? out : now->writes == 3 ? maxima : states[now->writes];
+                             target = now->writes == 2   ? outs[now->sector / 4]
+                                      : now->writes == 3 ? maxima
+                                                         : states[now->writes];
                 const int level = now->writes == 3 ? now->level : 0;
                 int unit = 0;
                 gl.UseProgram(p);
@@ -582,11 +600,13 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                 uniform_i(p, "conemap_first", now->first);
                 uniform_i(p, "conemap_last", now->last);
                 uniform_i(p, "conemap_level", now->level);
+                uniform_i(p, "conemap_sector", now->sector);
                 if (hlsl) {
                     GLint values[4] = {0, 0, 0, 0};
                     values[0] = now->kernel == CONEMAP_KERNEL_MAXIMA ? now->level : now->first;
                     values[1] = now->last;
-                    values[2] = now->level;
+                    values[2] = now->kernel == CONEMAP_KERNEL_RING ? now->sector : now->level;
+                    values[3] = now->sector;
                     gl.BindBuffer(GL_UNIFORM_BUFFER, arguments);
                     gl.BufferData(GL_UNIFORM_BUFFER, sizeof values, values, GL_STATIC_DRAW);
                     gl.BindBufferBase(GL_UNIFORM_BUFFER, 24, arguments);
@@ -596,7 +616,9 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                     unit += gl.GetUniformLocation(p, "conemap_heights") >= 0;
                     unit += gl.GetUniformLocation(p, "conemap_maxima") >= 0;
                     gl.BindImageTexture(hlsl ? 8 : (GLuint)unit, target, level, GL_FALSE, 0, GL_WRITE_ONLY,
-                                        now->writes == 2 ? out_format : GL_R32F);
+                                        now->writes == 2   ? out_format
+                                        : now->writes == 3 ? GL_R32F
+                                                           : state_format);
                     gl.DispatchCompute((GLuint)now->groups_x, (GLuint)now->groups_y, 1);
                     gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
                 } else {
@@ -619,41 +641,48 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                 }
                 continue;
             }
-            gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, out, 0);
-            gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
-            gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
-            if (four) conemap_write_texture(&map, slopes, sizeof slopes, 0);
-            for (k = 0; k < w * h; ++k) {
-                const float cone = back[4 * k + (es && !four ? 0 : 1)];
-                ++compared;
-                wide += cone > map.cones[k];
-                narrow += !safe && cone < map.cones[k] * (1.0f - 1e-5f);
-                zero[k] = cone;
-                if ((four || !es) && back[4 * k] != heights[k]) wrong("kernels: a height is not the map's");
-                if (four && (fabsf(back[4 * k + 2] - slopes[4 * k + 2]) > 1e-7f ||
-                             fabsf(back[4 * k + 3] - slopes[4 * k + 3]) > 1e-7f))
-                    wrong("kernels: slopes differ");
+            if (slopes_too) conemap_write_texture(&map, slopes, sizeof slopes, 0);
+            for (c = 0; c < (sectors ? sectors : 1); ++c) {
+                if (c % 4 == 0) {
+                    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, outs[c / 4], 0);
+                    gl.ReadBuffer(GL_COLOR_ATTACHMENT0);
+                    gl.ReadPixels(0, 0, w, h, GL_RGBA, GL_FLOAT, back);
+                }
+                for (k = 0; k < sizes; ++k) {
+                    const float cone = back[4 * k + (sectors ? c % 4 : es && !four ? 0 : 1)];
+                    const float of_cpu = map.cones[c * sizes + k];
+                    ++compared;
+                    wide += cone > of_cpu;
+                    narrow += !safe && cone < of_cpu * (1.0f - 1e-5f);
+                    kept += (double)cone;
+                    whole += (double)of_cpu;
+                    cones[c * sizes + k] = cone;
+                    if (sectors) continue;
+                    if ((four || !es) && back[4 * k] != heights[k]) wrong("kernels: a height is not the map's");
+                    if (four && (fabsf(back[4 * k + 2] - slopes[4 * k + 2]) > 1e-7f ||
+                                 fabsf(back[4 * k + 3] - slopes[4 * k + 3]) > 1e-7f))
+                        wrong("kernels: slopes differ");
+                }
             }
-            if (safe) {
+            if (safe && what != MAKE_RELAXED_EXACT) {
                 conemap_report report;
-                if (conemap_verify(&map.info, heights, zero, NULL, &report) != CONEMAP_OK || report.unsafe ||
+                if (conemap_verify(&map.info, heights, cones, NULL, &report) != CONEMAP_OK || report.unsafe ||
                     report.unproven)
                     wrong("kernels: cones are not safe");
             }
-            memset(zero, 0, sizeof zero);
         }
         gl.DeleteTextures(2, states);
         gl.DeleteTextures(1, &source);
-        gl.DeleteTextures(1, &out);
+        gl.DeleteTextures(2, outs);
         gl.DeleteTextures(1, &maxima);
         conemap_free(&map);
     }
     if (gl.GetError() != 0) wrong("kernels: a GL error");
     gl.DeleteBuffers(1, &arguments);
     printf("kernels, dialect %d, %s, wrap %d, %s: %d cones%s in %d passes, %d wider than the CPU's, %d narrower by "
-           "more than 1e-5\n",
+           "more than 1e-5; of the CPU's width %.0f %%\n",
            (int)dialect, compute ? "compute" : "fragment", (int)wrap, make_names[what], compared,
-           blocks ? " and all maxima" : "", dispatches, wide, narrow);
+           blocks ? " and all maxima" : "", dispatches, wide, narrow, 100.0 * kept / whole);
     fflush(stdout);
     if (wide || narrow) wrong("kernels: cones differ");
 }

@@ -1,7 +1,7 @@
 #!/bin/sh
 # shaders.sh PART FOLDER [WRITER]: every variant of the emitter's text through the compilers of PART, a warning being a
 # failure. WRITER.c beside this file writes them: variants (the default), frusta_variants.
-#   glsl    glslangValidator on all GLSL dialects, spirv-val on Vulkan's
+#   glsl    glslangValidator on all GLSL dialects, or glslc for Vulkan's where it is there, and spirv-val on those
 #   c       gcc with all warnings on the C
 #   hlsl    Microsoft's compilers under wine; HLSL_DLLS is a folder with msfxc.dll, msfxc_old.dll, msdxc.dll
 #   hlslrun a choice of HLSL run on a software GPU, by way of SPIR-V and GLSL: through Microsoft's compiler if HLSL_DLLS has
@@ -58,8 +58,13 @@ glsl)
         if grep -E 'ERROR|WARNING' "$dir/$dialect.log"; then failed=1; fi
     done
     write vulkan
-    (cd "$dir/vulkan" && ls | xargs -n 1 -I F glslangValidator -V F -o F.spv) >"$dir/vulkan.log" 2>&1 || failed=1
-    if grep -E 'ERROR|WARNING' "$dir/vulkan.log"; then failed=1; fi
+    if command -v glslc >/dev/null; then # the same compiler, but many files a call, each by itself
+        (cd "$dir/vulkan" && ls | xargs -n 100 glslc -Werror --target-env=vulkan1.0 -c) >"$dir/vulkan.log" 2>&1 || failed=1
+    else
+        (cd "$dir/vulkan" && ls | xargs -I F glslangValidator -V F -o F.spv) >"$dir/vulkan.log" 2>&1 || failed=1
+    fi
+    if grep -iE 'error|warning' "$dir/vulkan.log"; then failed=1; fi
+    [ "$(ls "$dir/vulkan" | wc -l)" = $((2 * $(ls "$dir/vulkan" | grep -vc 'spv$'))) ] || failed=1 # one for each
     for file in "$dir"/vulkan/*.spv; do spirv-val --target-env vulkan1.0 "$file" || failed=1; done
     ;;
 c)

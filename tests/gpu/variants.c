@@ -301,10 +301,56 @@ static void effects(conemap_dialect dialect, const int *choice, unsigned flags, 
     write_whole(dialect, kinds[desc.stage]);
 }
 
+static void kernel_variant(const conemap_shader_desc *desc, conemap_kernel kernel)
+{
+    if (conemap_emit_kernel(desc, kernel, whole, sizeof whole, NULL) == CONEMAP_OK)
+        write_whole(desc->dialect, desc->stage == CONEMAP_STAGE_COMPUTE ? "compute" : "fragment");
+    else
+        ++refused;
+}
+
+/* Relaxed cones and cones by direction: stage x wraps; the other options by turns. */
+static void more_kernels(conemap_dialect dialect)
+{
+    static const struct {
+        conemap_kernel kernel;
+        conemap_generator generator;
+        int sectors, safe;
+    } kinds[] = {{CONEMAP_KERNEL_RING, CONEMAP_RELAXED, 0, 0},        {CONEMAP_KERNEL_RING, CONEMAP_RELAXED_EXACT, 0, 0},
+                 {CONEMAP_KERNEL_EXACT, CONEMAP_RELAXED, 0, 0},       {CONEMAP_KERNEL_EXACT, CONEMAP_RELAXED_EXACT, 0, 0},
+                 {CONEMAP_KERNEL_SAFE, CONEMAP_RELAXED_EXACT, 0, 0},  {CONEMAP_KERNEL_RING, CONEMAP_EXACT, 4, 1},
+                 {CONEMAP_KERNEL_RING, CONEMAP_EXACT, 8, 0},          {CONEMAP_KERNEL_RING, CONEMAP_EXACT, 8, 1},
+                 {CONEMAP_KERNEL_EXACT, CONEMAP_EXACT, 4, 1},         {CONEMAP_KERNEL_EXACT, CONEMAP_EXACT, 8, 0},
+                 {CONEMAP_KERNEL_EXACT, CONEMAP_EXACT, 8, 1},         {CONEMAP_KERNEL_MIN3X3, CONEMAP_EXACT, 4, 0},
+                 {CONEMAP_KERNEL_SAFE, CONEMAP_EXACT, 8, 1},          {CONEMAP_KERNEL_STORE, CONEMAP_EXACT, 4, 1},
+                 {CONEMAP_KERNEL_STORE, CONEMAP_EXACT, 8, 0}};
+    const int count = (int)(sizeof kinds / sizeof kinds[0]);
+    int k;
+    for (k = 0; dialect != CONEMAP_C99 && k < count * 8; ++k) {
+        conemap_shader_desc desc;
+        const int kind = k % count, turn = k / count;
+        memset(&desc, 0, sizeof desc);
+        desc.dialect = dialect;
+        desc.stage = turn & 1 ? CONEMAP_STAGE_COMPUTE : CONEMAP_STAGE_FRAGMENT;
+        desc.map.generator = kinds[kind].generator;
+        desc.map.texture.sectors = kinds[kind].sectors;
+        desc.map.guarantee = kinds[kind].safe ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
+        desc.map.texture.format = (conemap_format)(turn % 4);
+        desc.map.texture.encoding = (conemap_encoding)(turn % 3);
+        desc.map.wrap_u = turn & 2 ? CONEMAP_WRAP : CONEMAP_CLAMP;
+        desc.map.wrap_v = turn & 4 ? CONEMAP_WRAP : CONEMAP_NOTHING;
+        desc.fixed_size = kind % 2;
+        desc.map.width = desc.map.height = 64;
+        if ((kind + turn) % 3 == 0) desc.prefix = "relief";
+        kernel_variant(&desc, kinds[kind].kernel);
+    }
+}
+
 /* Kernels: stage x kernel x format x encoding x layout x wrap x constant size, and the quick one's four ways. */
 static void kernels(conemap_dialect dialect)
 {
     int k;
+    more_kernels(dialect);
     for (k = 0; dialect != CONEMAP_C99 && k < 12 * 2 * 2 * 4 * 3 * 3 * 4 * 2; ++k) {
         conemap_shader_desc desc;
         const int kind = k % 12, kernel = kind < CONEMAP_KERNEL_COUNT ? kind : CONEMAP_KERNEL_QUICK;
@@ -327,11 +373,7 @@ static void kernels(conemap_dialect dialect)
             desc.prefix = "relief";
             desc.binding = dialect == CONEMAP_GLSL_330 || dialect == CONEMAP_ESSL_300 ? 0 : 2;
         }
-        if (conemap_emit_kernel(&desc, (conemap_kernel)kernel, whole, sizeof whole, NULL) != CONEMAP_OK) {
-            ++refused;
-            continue;
-        }
-        write_whole(dialect, compute ? "compute" : "fragment");
+        kernel_variant(&desc, (conemap_kernel)kernel);
     }
 }
 
