@@ -855,6 +855,8 @@ typedef enum conemap_dialect {
     CONEMAP_HLSL_60,
     CONEMAP_C99,             /* for tests, tools and a debugger of the CPU; needs a `fetch`, FUNCTIONS only. Give it a
                                 prefix where conemap.h is included */
+    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above */
+    CONEMAP_MSL,             /* Metal 2 */
     CONEMAP_DIALECT_COUNT
 } conemap_dialect;
 
@@ -7764,6 +7766,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
    unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
      @move         lines that several tracers share; @<move the same, written four spaces to the left
+     @> and @<     from here on four spaces to the right; no longer
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
    ====================================================================================================== */
@@ -7783,7 +7786,8 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(shading) X(clip) X(holes) X(curved) X(lod) X(fade) X(two_sided) X(world) X(smooth) X(normal_out) X(depth)     \
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
-    X(ranged) X(after) X(beside)
+    X(ranged) X(after) X(beside)                                                                                \
+    X(wgsl) X(msl) X(returns) X(given) X(wrapped)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -8345,6 +8349,40 @@ static const char conemap__trace_tail[] =
     "?!any     return result;\n"
     "}\n";
 
+/* MSL has no textures of the file: functions are those of a struct that holds them. What it holds, and how the entry
+   point gets it and hands it on. */
+static const char conemap__fields_text[] =
+    "?uses_map $TEXTURE<float> $MAP_NAME;\n"
+    "?uses_octants $TEXTURE<float> $OCTANTS_NAME;\n"
+    "?uses_heights $TEXTURE<float> $HEIGHTS_NAME;\n"
+    "?uses_maxima $TEXTURE<float> $MAXIMA_NAME;\n"
+    "?sampler sampler $SAMPLER_NAME;\n"
+    "?holes $TEXTURE<float> conemap_alpha;\n"
+    "?colors texture2d<float> conemap_colors;\n"
+    "?colors sampler conemap_color_sampler;\n";
+
+static const char conemap__parameters_text[] =
+    "?uses_map     $TEXTURE<float> $MAP_NAME$MAP_LAYOUT,\n"
+    "?uses_octants     $TEXTURE<float> $OCTANTS_NAME$OCTANTS_LAYOUT,\n"
+    "?uses_heights     $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT,\n"
+    "?uses_maxima     $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT,\n"
+    "?sampler     sampler $SAMPLER_NAME$SAMPLER_LAYOUT,\n"
+    "?holes     $TEXTURE<float> conemap_alpha$ALPHA_LAYOUT,\n"
+    "?colors     texture2d<float> conemap_colors$COLORS_LAYOUT,\n"
+    "?colors     sampler conemap_color_sampler$COLOR_SAMPLER_LAYOUT,\n"
+    "?arguments     constant conemap_shader::conemap_arguments &conemap_given$GIVEN_LAYOUT,\n";
+
+static const char conemap__names_text[] =
+    "?uses_map         $MAP_NAME,\n"
+    "?uses_octants         $OCTANTS_NAME,\n"
+    "?uses_heights         $HEIGHTS_NAME,\n"
+    "?uses_maxima         $MAXIMA_NAME,\n"
+    "?sampler         $SAMPLER_NAME,\n"
+    "?holes         conemap_alpha,\n"
+    "?colors         conemap_colors,\n"
+    "?colors         conemap_color_sampler,\n"
+    "?arguments         conemap_given,\n";
+
 /* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
 typedef struct conemap__word {
     const char *word, *hlsl, *hlsl_call, *c, *c_call;
@@ -8377,6 +8415,21 @@ static const conemap__word conemap__words[] = {
     {"normalize", "normalize", "normalize", "normalize", "conemap_normalize"},
 };
 
+/* And of WGSL and MSL; null: as in HLSL or, for WGSL, as it is. */
+static const char *const conemap__new_words[][3] = {
+    {"vec2", "vec2f", NULL},
+    {"vec3", "vec3f", NULL},
+    {"vec4", "vec4f", NULL},
+    {"ivec2", "vec2i", NULL},
+    {"ivec4", "vec4i", NULL},
+    {"mat4", "mat4x4f", NULL},
+    {"float", "f32", NULL},
+    {"int", "i32", NULL},
+    {"uint", "u32", NULL},
+    {"discard", NULL, "discard_fragment()"},
+    {"from", "begin", NULL}, /* a reserved word */
+};
+
 /* What a name after a dollar stands for. Text of the host's is raw: no word of it is changed. */
 #define CONEMAP__PIECE_SIZE 400
 typedef struct conemap__piece {
@@ -8390,6 +8443,7 @@ typedef struct conemap__piece {
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 96 /* snippets in one at most */
 #define CONEMAP__GIVEN 9       /* names that a host can give */
+#define CONEMAP__ITEM_SIZE 16384 /* the longest function of a dialect that is translated */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -8406,11 +8460,27 @@ typedef struct conemap__emitter {
     int commenting;
     int shift; /* how far lines are written to the left */
     int clash; /* a word of the text is also a name of the host's */
+    int inset, in_line; /* MSL: inside a struct all lines are written to the right; is one begun? */
+    int item_comment, item_depth;
+    size_t item_size;
+    char item[CONEMAP__ITEM_SIZE]; /* WGSL: what is collected to be translated */
 } conemap__emitter;
 
-static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
+static void conemap__write(conemap__emitter *e, const char *text, size_t length) {
     if (e->text && e->size + length < e->capacity) memcpy(e->text + e->size, text, length);
     e->size += length;
+}
+
+static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length);
+
+static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
+    if (e->flags[conemap__flag_wgsl]) {
+        conemap__wgsl_collect(e, text, length);
+    } else if (length > 0) {
+        if (!e->in_line && text[0] != '\n') conemap__write(e, "    ", (size_t)e->inset);
+        conemap__write(e, text, length);
+        e->in_line = text[length - 1] != '\n';
+    }
 }
 
 static void conemap__puts(conemap__emitter *e, const char *text) { conemap__put(e, text, strlen(text)); }
@@ -8503,7 +8573,16 @@ static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t
 
 /* One word of a snippet: in the first pass what it needs is written, in the second the word itself. */
 static void conemap__token(conemap__emitter *e, const char *token, size_t length, int called, int needs) {
-    int k, hlsl = e->flags[conemap__flag_hlsl], c = e->flags[conemap__flag_c];
+    int k, hlsl = e->flags[conemap__flag_hlsl] || e->flags[conemap__flag_msl], c = e->flags[conemap__flag_c];
+    for (k = 0; e->flags[conemap__flag_given] && !e->commenting &&
+                k < (int)(sizeof conemap__new_words / sizeof conemap__new_words[0]);
+         ++k) {
+        const char *const *word = conemap__new_words[k], *mine = word[e->flags[conemap__flag_wgsl] ? 1 : 2];
+        if (!mine || !conemap__same(word[0], token, length)) continue;
+        token = mine;
+        length = strlen(token);
+        break;
+    }
     for (k = 0; (hlsl || c) && !e->commenting && k < (int)(sizeof conemap__words / sizeof conemap__words[0]);
          ++k) {
         const conemap__word *word = &conemap__words[k];
@@ -8545,12 +8624,15 @@ static const char *conemap__expand(conemap__emitter *e, const char *text, int ne
         } else if (conemap__is_letter(text[0])) {
             while (conemap__is_letter(text[length]) || conemap__is_digit(text[length])) ++length;
             conemap__token(e, text, length, text[length] == '(', needs);
-        } else if (conemap__is_digit(text[0]) && !e->commenting) { /* C alone keeps the f of 1.0f */
+        } else if (conemap__is_digit(text[0]) && !e->commenting) { /* C and MSL alone keep the f of 1.0f */
             while (conemap__is_letter(text[length]) || conemap__is_digit(text[length]) || text[length] == '.' ||
                    (text[length] == '-' && text[length - 1] == 'e'))
                 ++length;
             if (!needs)
-                conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] ? length - 1 : length);
+                conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] &&
+                                              !e->flags[conemap__flag_msl]
+                                          ? length - 1
+                                          : length);
         } else if (!needs) {
             conemap__put(e, text, 1);
         }
@@ -8579,10 +8661,15 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
             const int shift = text[1] == '<' ? 4 : 0;
             const char kind = text[shift ? 2 : 1];
             const char *part = kind == 'm' ? conemap__move_text : kind == 's' ? conemap__surface_text
-                : conemap__cone_text;
-            e->shift += shift;
-            conemap__lines(e, part, needs);
-            e->shift -= shift;
+                : kind == 'p' ? conemap__parameters_text : kind == 'n' ? conemap__names_text
+                : kind == 'f' ? conemap__fields_text : conemap__cone_text;
+            if (!needs && (kind == '>' || kind == '\n')) {
+                e->inset = kind == '>' ? 4 : 0;
+            } else if (kind != '>' && kind != '\n') {
+                e->shift += shift;
+                conemap__lines(e, part, needs);
+                e->shift -= shift;
+            }
             while (*text && *text != '\n') ++text;
         } else if (wanted) {
             int k;
@@ -8639,9 +8726,19 @@ static const char conemap__head_text[] =
     "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
+    "?wrapped #include <metal_stdlib>\n"
+    "?wrapped using namespace metal;\n"
     "\n"
+    "?wrapped struct conemap_shader {\n"
+    "?wrapped @>\n"
+    "?wrapped @fields\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
+    "?uses_map,!external,wgsl $MAP_LAYOUTvar $MAP_NAME: $TEXTURE<f32>;\n"
+    "?uses_octants,!external,wgsl $OCTANTS_LAYOUTvar $OCTANTS_NAME: $TEXTURE<f32>;\n"
+    "?uses_heights,!external,wgsl $HEIGHTS_LAYOUTvar $HEIGHTS_NAME: $TEXTURE<f32>;\n"
+    "?uses_maxima,!external,wgsl $MAXIMA_LAYOUTvar $MAXIMA_NAME: $TEXTURE<f32>;\n"
+    "?sampler,!external,wgsl $SAMPLER_LAYOUTvar $SAMPLER_NAME: sampler;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_octants,!external,glsl $OCTANTS_LAYOUTuniform $SAMPLER $OCTANTS_NAME;\n"
     "?uses_heights,!external,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
@@ -8650,7 +8747,7 @@ static const char conemap__head_text[] =
     "?uses_octants,!external,hlsl $TEXTURE<$MAP_TYPE> $OCTANTS_NAME$OCTANTS_LAYOUT;\n"
     "?uses_heights,!external,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,!external,hlsl $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
-    "?sampler,!external SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?sampler,!external,hlsl SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
     "\n";
 
 static const char conemap__host_text[] =
@@ -8667,6 +8764,7 @@ static const char conemap__fragment_text[] =
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,arguments struct conemap_arguments {\n"
     "?arguments,t_range $UNIFORMvec2 conemap_range; // t_min, t_max\n"
     "?arguments,cap $UNIFORMint conemap_max_steps;\n"
     "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
@@ -8674,30 +8772,59 @@ static const char conemap__fragment_text[] =
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
+    "?given,arguments };\n"
+    "?wgsl,arguments $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,arguments conemap_arguments conemap_given;\n"
     "\n"
-    "?hlsl,debug struct conemap_targets {\n"
+    "?returns,debug struct conemap_targets {\n"
     "?hlsl,debug     float4 color : SV_Target0; // u, v, z, t\n"
     "?hlsl,debug     float4 debug : SV_Target1; // steps, status\n"
-    "?hlsl,debug };\n"
-    "?hlsl,debug \n"
+    "?wgsl,debug     @location(0) color: vec4f, // u, v, z, t\n"
+    "?wgsl,debug     @location(1) debug: vec4f, // steps, status\n"
+    "?msl,debug     float4 color [[color(0)]]; // u, v, z, t\n"
+    "?msl,debug     float4 debug [[color(1)]]; // steps, status\n"
+    "?returns,debug };\n"
+    "?returns,debug \n"
     "?hlsl,debug conemap_targets main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) {\n"
     "?hlsl,!debug float4 main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) : SV_Target0 {\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl,debug fn conemap_main(@location(0) origin: vec3f, @location(1) direction: vec3f) -> conemap_targets {\n"
+    "?wgsl,!debug fn conemap_main(@location(0) origin: vec3f, @location(1) direction: vec3f) -> @location(0) vec4f {\n"
+    "?msl,debug conemap_targets conemap_run(float3 origin, float3 direction) {\n"
+    "?msl,!debug float4 conemap_run(float3 origin, float3 direction) {\n"
     "?glsl void main() {\n"
-    "?hlsl,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?returns,!any     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
     "?glsl,!any     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
     "?discards     if (!hit.found) discard;\n"
     "?glsl,!any     conemap_color = vec4(hit.position, hit.t);\n"
     "?glsl,any     float light = conemap_any_hit(conemap_origin, conemap_direction$ARGS) ? 0.0f : 1.0f;\n"
     "?glsl,any     conemap_color = vec4(light, light, light, 1.0f);\n"
     "?glsl,debug     conemap_debug = vec4($DEBUG);\n"
-    "?hlsl,debug     conemap_targets targets;\n"
-    "?hlsl,debug     targets.color = vec4(hit.position, hit.t);\n"
-    "?hlsl,debug     targets.debug = vec4($DEBUG);\n"
-    "?hlsl,debug     return targets;\n"
-    "?hlsl,!debug,!any     return vec4(hit.position, hit.t);\n"
-    "?hlsl,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
-    "?hlsl,any     return vec4(light, light, light, 1.0f);\n"
-    "}\n";
+    "?returns,debug     conemap_targets targets;\n"
+    "?returns,debug     targets.color = vec4(hit.position, hit.t);\n"
+    "?returns,debug     targets.debug = vec4($DEBUG);\n"
+    "?returns,debug     return targets;\n"
+    "?returns,!debug,!any     return vec4(hit.position, hit.t);\n"
+    "?returns,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
+    "?returns,any     return vec4(light, light, light, 1.0f);\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl struct conemap_inputs {\n"
+    "?msl     float3 origin [[user(locn0)]];\n"
+    "?msl     float3 direction [[user(locn1)]];\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl,debug fragment conemap_shader::conemap_targets conemap_main(\n"
+    "?msl,!debug fragment float4 conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     conemap_inputs inputs [[stage_in]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(inputs.origin, inputs.direction);\n"
+    "?msl }\n";
 
 static const char conemap__compute_text[] =
     "?glsl layout(local_size_x = 64) in;\n"
@@ -8712,15 +8839,34 @@ static const char conemap__compute_text[] =
     "?hlsl,!debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit\n"
     "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; "
     "steps, status\n"
+    "?wgsl $RAYS_LAYOUTvar<storage, read> conemap_rays: array<vec4f>; // origin, t_min; direction, t_max\n"
+    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
+    "hit\n"
+    "?wgsl,debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
+    "hit; steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,arguments struct conemap_arguments {\n"
+    "?msl     uint conemap_ray_count;\n"
     "?arguments,cap $UNIFORMint conemap_max_steps;\n"
     "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
     "?arguments,size_argument $UNIFORMivec2 conemap_map_size;\n"
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
+    "?given,arguments };\n"
+    "?wgsl,arguments $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,arguments conemap_arguments conemap_given;\n"
+    "?msl device const float4 *conemap_rays; // origin, t_min; direction, t_max\n"
+    "?msl,!debug device float4 *conemap_hits; // u, v, z, t, which is -1 without a hit\n"
+    "?msl,debug device float4 *conemap_hits; // u, v, z, t, which is -1 without a hit; steps, status\n"
     "\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(@builtin(global_invocation_id) thread: vec3u) {\n"
+    "?wgsl     uint ray = thread.x;\n"
+    "?wgsl     if (ray >= arrayLength(&conemap_rays) / 2u) return;\n"
+    "?msl void conemap_run(uint ray) {\n"
+    "?msl     if (ray >= conemap_given.conemap_ray_count) return;\n"
     "?hlsl [numthreads(64, 1, 1)]\n"
     "?hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
     "?hlsl     uint count, stride;\n"
@@ -8743,7 +8889,26 @@ static const char conemap__compute_text[] =
     "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
     "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no "
     "telling where\n"
-    "}\n";
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl kernel void conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     device const float4 *conemap_rays$RAYS_LAYOUT,\n"
+    "?msl     device float4 *conemap_hits$HITS_LAYOUT,\n"
+    "?msl     uint ray [[thread_position_in_grid]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl         conemap_rays,\n"
+    "?msl         conemap_hits,\n"
+    "?msl     };\n"
+    "?msl     shader.conemap_run(ray);\n"
+    "?msl }\n";
+
+static const char conemap__functions_end[] =
+    "?wrapped @<\n"
+    "?wrapped };\n";
 
 /* Null is fine and stands for a default; anything else must be an identifier that every dialect takes. */
 static int conemap__is_name(const char *name) {
@@ -8807,7 +8972,11 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     e->prefix = d->prefix ? d->prefix : "conemap";
     f[conemap__flag_c] = d->dialect == CONEMAP_C99;
     f[conemap__flag_hlsl] = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60;
-    f[conemap__flag_glsl] = !f[conemap__flag_c] && !f[conemap__flag_hlsl];
+    f[conemap__flag_wgsl] = d->dialect == CONEMAP_WGSL;
+    f[conemap__flag_msl] = d->dialect == CONEMAP_MSL;
+    f[conemap__flag_given] = f[conemap__flag_wgsl] || f[conemap__flag_msl];
+    f[conemap__flag_returns] = f[conemap__flag_given] || f[conemap__flag_hlsl];
+    f[conemap__flag_glsl] = !f[conemap__flag_c] && !f[conemap__flag_returns];
     f[conemap__flag_es] = d->dialect == CONEMAP_ESSL_300 || d->dialect == CONEMAP_ESSL_310;
     f[conemap__flag_vulkan] = d->dialect == CONEMAP_GLSL_450_VULKAN;
     f[conemap__flag_exact] = tracer == CONEMAP_TRACE_EXACT;
@@ -8866,19 +9035,23 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_uses_map] = !d->fetch && (f[conemap__flag_cones] || !f[conemap__flag_cone_only]);
     f[conemap__flag_uses_heights] = f[conemap__flag_cone_only];
     f[conemap__flag_uses_maxima] = f[conemap__flag_blocks] && !d->fetch_maxima;
-    f[conemap__flag_sampler] = f[conemap__flag_hlsl] && !d->fetch && d->filter != CONEMAP_FILTER_FETCH;
+    f[conemap__flag_wrapped] = /* else the host has a struct of its own */
+        f[conemap__flag_msl] && !d->external && !d->fetch && !f[conemap__flag_host_maxima];
+    f[conemap__flag_sampler] = f[conemap__flag_returns] && !d->fetch && d->filter != CONEMAP_FILTER_FETCH;
     f[conemap__flag_located] = d->dialect != CONEMAP_GLSL_330 && d->dialect != CONEMAP_ESSL_300;
     f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_STAGE_FUNCTIONS;
     f[conemap__flag_discards] = f[conemap__flag_fragment] && !f[conemap__flag_any] && !f[conemap__flag_status];
     f[conemap__flag_arguments] = f[conemap__flag_cap] || f[conemap__flag_atlas] || f[conemap__flag_array] ||
                                  f[conemap__flag_size_argument] ||
-                                 (f[conemap__flag_t_range] && !f[conemap__flag_compute]);
+                                 (f[conemap__flag_t_range] && !f[conemap__flag_compute]) ||
+                                 (f[conemap__flag_msl] && f[conemap__flag_compute]);
     {
         int old = !f[conemap__flag_located], exact = f[conemap__flag_solves];
         if ((old &&
              (d->stage == CONEMAP_STAGE_COMPUTE || d->filter == CONEMAP_FILTER_GATHER || d->binding != 0)) ||
-            (d->set != 0 && !f[conemap__flag_vulkan] && d->dialect != CONEMAP_HLSL_60) ||
-            (d->sampler_binding != 0 && !f[conemap__flag_hlsl]) ||
+            (d->set != 0 && !f[conemap__flag_vulkan] && !f[conemap__flag_wgsl] && d->dialect != CONEMAP_HLSL_60) ||
+            (d->sampler_binding != 0 && !f[conemap__flag_returns]) ||
+            (f[conemap__flag_msl] && !f[conemap__flag_wrapped] && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
             (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
             (f[conemap__flag_c] && (d->stage != CONEMAP_STAGE_FUNCTIONS || !d->fetch || d->binding != 0)) ||
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
@@ -8894,22 +9067,82 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     return conemap__resolve_emitted_effects(e);
 }
 
-/* An expression that reads a texture: `place` is what the dialect wants between the brackets. */
-static void conemap__read_texture(conemap__emitter *e, char *out, const char *texture, const char *how,
-                                  const char *place, const char *swizzle) {
-    if (e->flags[conemap__flag_hlsl]) {
-        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
-        conemap__append(out, CONEMAP__PIECE_SIZE, how);
-        conemap__append(out, CONEMAP__PIECE_SIZE, place);
-    } else {
-        conemap__append(out, CONEMAP__PIECE_SIZE, how);
-        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
-        conemap__append(out, CONEMAP__PIECE_SIZE, place);
-    }
+/* Appends texts until a null one. */
+static void conemap__append_all(char *out, const char *const *texts) {
+    for (; *texts; ++texts) conemap__append(out, CONEMAP__PIECE_SIZE, *texts);
+}
+
+/* An expression that reads a texel. layer: of an array, or null. */
+static void conemap__read_texel(conemap__emitter *e, char *out, const char *texture, const char *i, const char *j,
+                                const char *layer, const char *level, const char *swizzle) {
+    const unsigned char *f = e->flags;
+    const char *comma = layer ? ", " : "", *texts[14] = {NULL};
+    int n = 0;
+    if (f[conemap__flag_hlsl] || f[conemap__flag_msl]) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? (layer ? ".Load(int4(" : ".Load(int3(")
+                 : f[conemap__flag_msl]  ? ".read(uint2("
+                 : f[conemap__flag_wgsl] ? "textureLoad("
+                                         : "texelFetch(";
+    if (f[conemap__flag_glsl] || f[conemap__flag_wgsl]) texts[n++] = texture;
+    if (f[conemap__flag_wgsl]) texts[n++] = ", ivec2(";
+    if (f[conemap__flag_glsl]) texts[n++] = layer ? ", ivec3(" : ", ivec2(";
+    texts[n++] = i;
+    texts[n++] = ", ";
+    texts[n++] = j;
+    if (f[conemap__flag_given]) texts[n++] = ")";
+    texts[n++] = comma;
+    texts[n++] = layer ? layer : "";
+    texts[n++] = f[conemap__flag_glsl] ? "), " : ", ";
+    texts[n++] = level;
+    texts[n] = f[conemap__flag_hlsl] ? "))" : ")";
+    conemap__append_all(out, texts);
     conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
 }
 
-/* layout(...), : register(...) for the next resource. */
+/* An expression that filters. point: where; the slice is `slice`. */
+static void conemap__sample_texture(conemap__emitter *e, char *out, const char *texture, const char *point,
+                                    const char *swizzle) {
+    const unsigned char *f = e->flags;
+    const int array = f[conemap__flag_array], member = f[conemap__flag_hlsl] || f[conemap__flag_msl];
+    const char *texts[10] = {NULL};
+    int n = 0;
+    if (member) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? ".SampleLevel("
+                 : f[conemap__flag_msl]  ? ".sample("
+                 : f[conemap__flag_wgsl] ? "textureSampleLevel("
+                                         : "textureLod(";
+    if (!member) texts[n++] = texture;
+    if (!member) texts[n++] = ", ";
+    if (!f[conemap__flag_glsl]) texts[n++] = "$SAMPLER_NAME, ";
+    if (array && !f[conemap__flag_given]) texts[n++] = "vec3(";
+    texts[n++] = point;
+    if (array) texts[n++] = f[conemap__flag_given] ? ", slice" : ", float(slice))";
+    texts[n] = f[conemap__flag_msl] ? ", level(0.0f))" : ", 0.0)";
+    conemap__append_all(out, texts);
+    conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
+}
+
+/* The four texels around uv, in the first or the second channel. */
+static void conemap__gather_texture(conemap__emitter *e, char *out, const char *texture, int green) {
+    const unsigned char *f = e->flags;
+    const int array = f[conemap__flag_array], member = f[conemap__flag_hlsl] || f[conemap__flag_msl];
+    const char *texts[10] = {NULL};
+    int n = 0;
+    if (member) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? (green ? ".GatherGreen(" : ".GatherRed(")
+                 : f[conemap__flag_msl]  ? ".gather("
+                 : f[conemap__flag_wgsl] ? (green ? "textureGather(1, " : "textureGather(0, ")
+                                         : "textureGather(";
+    if (!member) texts[n++] = texture;
+    if (!member) texts[n++] = ", ";
+    if (!f[conemap__flag_glsl]) texts[n++] = "$SAMPLER_NAME, ";
+    texts[n++] = !array ? "uv" : f[conemap__flag_given] ? "uv, slice" : "vec3(uv, float(slice))";
+    if (f[conemap__flag_msl]) texts[n++] = green ? ", int2(0, 0), component::y" : ", int2(0, 0), component::x";
+    texts[n] = f[conemap__flag_glsl] && green ? ", 1)" : ")";
+    conemap__append_all(out, texts);
+}
+
+/* layout(...), : register(...), @group(...) or [[...]] for the next resource. */
 static void conemap__place_resource(conemap__emitter *e, const char *name, char kind, int number) {
     char *out = conemap__piece_new(e, name, 1);
     const size_t size = CONEMAP__PIECE_SIZE;
@@ -8925,6 +9158,16 @@ static void conemap__place_resource(conemap__emitter *e, const char *name, char 
             conemap__append_int(out, size, e->desc.set);
         }
         conemap__append(out, size, ")");
+    } else if (e->flags[conemap__flag_wgsl]) {
+        conemap__append(out, size, "@group(");
+        conemap__append_int(out, size, e->desc.set);
+        conemap__append(out, size, ") @binding(");
+        conemap__append_int(out, size, number);
+        conemap__append(out, size, ") ");
+    } else if (e->flags[conemap__flag_msl]) {
+        conemap__append(out, size, kind == 't' ? " [[texture(" : kind == 's' ? " [[sampler(" : " [[buffer(");
+        conemap__append_int(out, size, number);
+        conemap__append(out, size, ")]]");
     } else if (e->flags[conemap__flag_located]) {
         conemap__append(out, size, kind == 'b' ? ", " : "layout(");
         if (e->flags[conemap__flag_vulkan]) {
@@ -8949,7 +9192,7 @@ static const char *conemap__resource_name(conemap__emitter *e, int index, const 
 /* Says what every piece stands for. */
 static void conemap__make_pieces(conemap__emitter *e) {
     static const char *const versions[CONEMAP_DIALECT_COUNT] = {
-        "330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", ""};
+        "330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", "", "", ""};
     static const char *const tracers[CONEMAP_TRACER_COUNT] = {"exact",    "exact",      "linear",
                                                               "fixed",    "loop",       "exact-step",
                                                               "cell-max", "max-mipmap", "quadtree displacement"};
@@ -8964,11 +9207,12 @@ static void conemap__make_pieces(conemap__emitter *e) {
               unorm = d->map.texture.format >= CONEMAP_UNORM16;
     const char *map = "$MAP_NAME",
                *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
+    const char *given = f[conemap__flag_given] ? ", conemap_given." : ", ", *layer = array ? "slice" : NULL;
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
     const char *octants = "$OCTANTS_NAME";
     const int both = f[conemap__flag_both], filtered = f[conemap__flag_hardware] && !f[conemap__flag_per_cell];
     const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
-    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *point, *gathers, *texel;
+    const char *w = "size.x", *h = "size.y";
     char number_w[16], number_h[16];
     char *out;
     int binding = d->binding, k;
@@ -9027,17 +9271,20 @@ static void conemap__make_pieces(conemap__emitter *e) {
     if (array) conemap__append(out, size, ", slice");
     out = conemap__piece_new(e, "ARGS", 0); /* of the call in main */
     if (d->t_range && d->stage == CONEMAP_STAGE_FRAGMENT)
-        conemap__append(out, size, ", conemap_range.x, conemap_range.y");
-    if (d->run_time_cap) conemap__append(out, size, ", conemap_max_steps");
-    if (d->atlas) conemap__append(out, size, ", conemap_rect");
-    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", conemap_map_size");
-    if (array) conemap__append(out, size, ", conemap_slice");
+        conemap__append(out, size, "$GIVENconemap_range.x$GIVENconemap_range.y");
+    if (d->run_time_cap) conemap__append(out, size, "$GIVENconemap_max_steps");
+    if (d->atlas) conemap__append(out, size, "$GIVENconemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, "$GIVENconemap_map_size");
+    if (array) conemap__append(out, size, "$GIVENconemap_slice");
+    conemap__piece_set(e, "GIVEN", 0, given);
     conemap__piece_set(e, "STRUCT", 0, f[conemap__flag_c] ? "typedef struct" : "struct");
     conemap__piece_set(e, "FN", 1, f[conemap__flag_c] ? "static " : "");
 
     out = conemap__piece_new(e, "SIZE_ASKED", 0);
     conemap__append(out, size,
-                    hlsl    ? "conemap_size()"
+                    hlsl                    ? "conemap_size()"
+                    : f[conemap__flag_wgsl] ? "ivec2(textureDimensions($ANY_TEXTURE))"
+                    : f[conemap__flag_msl]  ? "ivec2($ANY_TEXTURE.get_width(), $ANY_TEXTURE.get_height())"
                     : array ? "textureSize($ANY_TEXTURE, 0).xy"
                             : "textureSize($ANY_TEXTURE, 0)");
 
@@ -9131,10 +9378,6 @@ static void conemap__make_pieces(conemap__emitter *e) {
                                                     : "clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1)");
 
     /* Texture reads. */
-    fetch = hlsl ? ".Load" : "texelFetch(";
-    texel = hlsl    ? (array ? "(int4($I, $J, slice, $LOD))" : "(int3($I, $J, $LOD))")
-            : array ? ", ivec3($I, $J, slice), $LOD)"
-                    : ", ivec2($I, $J), $LOD)";
     for (k = 0; k < 2; ++k) { /* the texel of an index, inside the map and the atlas */
         out = conemap__piece_new(e, k == 0 ? "I" : "J", 0);
         if (d->atlas) conemap__append(out, size, k == 0 ? "rect.x + " : "rect.y + ");
@@ -9143,25 +9386,20 @@ static void conemap__make_pieces(conemap__emitter *e) {
                             ? (k == 0 ? "conemap_repeat(i, $W)" : "conemap_repeat(j, $H)")
                             : (k == 0 ? "clamp(i, 0, $W - 1)" : "clamp(j, 0, $H - 1)"));
     }
-    sample = hlsl ? ".SampleLevel($SAMPLER_NAME" : "textureLod(";
-    uv = hlsl    ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)")
-         : array ? ", vec3(uv, float(slice)), 0.0)"
-                 : ", uv, 0.0)";
-    point = array ? ", vec3(u, v, float(slice)), 0.0)" : ", vec2(u, v), 0.0)";
     out = conemap__piece_new(e, "TEXEL", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, "($I, $J$LAYER)");
     } else if (f[conemap__flag_cone_texel]) {
-        conemap__read_texture(e, out, map, fetch, texel, cone_swizzle);
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", cone_swizzle);
     } else if (!both) {
-        conemap__read_texture(e, out, height_texture, fetch, texel, ".r");
+        conemap__read_texel(e, out, height_texture, "$I", "$J", layer, "$LOD", ".r");
     } else if (f[conemap__flag_cone_only]) {
-        conemap__append(out, size, hlsl ? "float2(" : "vec2(");
-        conemap__read_texture(e, out, heights, fetch, texel, ".r, ");
-        conemap__read_texture(e, out, map, fetch, texel, ".r)");
+        conemap__append(out, size, "vec2(");
+        conemap__read_texel(e, out, heights, "$I", "$J", layer, "$LOD", ".r, ");
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", ".r)");
     } else {
-        conemap__read_texture(e, out, map, fetch, texel, ".rg");
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", ".rg");
     }
     conemap__piece_set(e, "CONE_PARAMS", 0,
                        filtered ? "$FETCH_PLACE, int sector$SLICE_PARAM" : "int i, int j, int sector$MAP_PARAMS");
@@ -9170,50 +9408,36 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        filtered ? (array ? "$FETCH_CONES_NAME(u, v, sector, slice)" : "$FETCH_CONES_NAME(u, v, sector)")
                        : array  ? "$FETCH_CONES_NAME($I, $J, sector, slice)"
                                 : "$FETCH_CONES_NAME($I, $J, sector)");
-    for (k = 0; k < 2; ++k)
-        conemap__read_texture(e, conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0), k == 0 ? map : octants,
-                              filtered ? sample : fetch, filtered ? point : texel, "");
+    for (k = 0; k < 2; ++k) {
+        out = conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0);
+        if (filtered)
+            conemap__sample_texture(e, out, k == 0 ? map : octants, "vec2(u, v)", "");
+        else
+            conemap__read_texel(e, out, k == 0 ? map : octants, "$I", "$J", layer, "$LOD", "");
+    }
     out = conemap__piece_new(e, "SAMPLE", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, array ? "(uv.x, uv.y, slice)" : "(uv.x, uv.y)");
         conemap__piece_set(e, "SAMPLE_HEIGHT", 0, out);
     } else {
-        conemap__read_texture(e, out, map, sample, uv, ".rg");
-        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, sample, uv, ".r");
+        conemap__sample_texture(e, out, map, "uv", ".rg");
+        conemap__sample_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, "uv", ".r");
     }
     if (both)
-        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+        conemap__sample_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, "uv", cone_swizzle);
     else
         conemap__piece_set(e, "SAMPLE_CONE", 0, array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
-    for (k = 0; k < 2; ++k) {
-        const int green = k == 1 && !f[conemap__flag_cone_only];
-        out = conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0);
-        if (hlsl) {
-            conemap__append(out, size, k == 0 ? height_texture : map);
-            conemap__append(out, size, green ? ".GatherGreen(" : ".GatherRed(");
-            conemap__append(out, size, "$SAMPLER_NAME");
-            conemap__append(out, size, array ? ", float3(uv, float(slice)))" : ", uv)");
-        } else {
-            gathers = array ? ", vec3(uv, float(slice))" : ", uv";
-            conemap__append(out, size, "textureGather(");
-            conemap__append(out, size, k == 0 ? height_texture : map);
-            conemap__append(out, size, gathers);
-            conemap__append(out, size, green ? ", 1)" : ")");
-        }
-    }
+    for (k = 0; k < 2; ++k)
+        conemap__gather_texture(e, conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0),
+                                k == 0 ? height_texture : map, k == 1 && !f[conemap__flag_cone_only]);
     out = conemap__piece_new(e, "MAXIMUM", 0);
     if (d->fetch_maxima) {
         conemap__append(out, size, "$FETCH_MAXIMA_NAME");
         conemap__append(out, size,
                         array ? "(cell_u >> k, cell_v >> k, k, slice)" : "(cell_u >> k, cell_v >> k, k)");
     } else {
-        conemap__read_texture(
-            e, out, "$MAXIMA_NAME", fetch,
-            hlsl ? (array ? "(int4(cell_u >> k, cell_v >> k, slice, k))" : "(int3(cell_u >> k, cell_v >> k, k))")
-            : array ? ", ivec3(cell_u >> k, cell_v >> k, slice), k)"
-                    : ", ivec2(cell_u >> k, cell_v >> k), k)",
-            ".r");
+        conemap__read_texel(e, out, "$MAXIMA_NAME", "cell_u >> k", "cell_v >> k", layer, "k", ".r");
     }
     if (f[conemap__flag_kernel]) {
         conemap__piece_set(e, "FIRST_CELL_U", 0, d->map.wrap_u == CONEMAP_CLAMP ? "i - 1" : "i");
@@ -9231,16 +9455,14 @@ static void conemap__make_pieces(conemap__emitter *e) {
         if (d->fetch_maxima)
             conemap__piece_set(e, "MAXIMUM_AT", 0, "$FETCH_MAXIMA_NAME(x, y, k)");
         else
-            conemap__read_texture(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", fetch,
-                                  hlsl ? "(int3(x, y, k))" : ", ivec2(x, y), k)", ".r");
-        conemap__append(conemap__piece_new(e, "KEPT", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME(i, j)"
-                        : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0)).r"
-                                                    : "texelFetch($MAP_NAME, ivec2(i, j), 0).r");
-        conemap__append(conemap__piece_new(e, "SLOPE", 0), size,
-                        f[conemap__flag_host_state] ? "$FETCH_CONES_NAME($I, $J)"
-                        : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0)).r"
-                                                    : "texelFetch($MAP_NAME, ivec2($I, $J), 0).r");
+            conemap__read_texel(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", "x", "y", NULL, "k", ".r");
+        for (k = 0; k < 2; ++k) {
+            out = conemap__piece_new(e, k == 0 ? "KEPT" : "SLOPE", 0);
+            if (f[conemap__flag_host_state])
+                conemap__append(out, size, k == 0 ? "$FETCH_CONES_NAME(i, j)" : "$FETCH_CONES_NAME($I, $J)");
+            else
+                conemap__read_texel(e, out, "$MAP_NAME", k == 0 ? "i" : "$I", k == 0 ? "j" : "$J", NULL, "0", ".r");
+        }
         conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
         conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
@@ -9292,7 +9514,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
                         d->map.texture.format == CONEMAP_UNORM8 && d->precision == CONEMAP_MEDIUMP ? "mediump "
                                                                                                    : "highp ");
     conemap__append(out, size, array ? "sampler2DArray" : "sampler2D");
-    conemap__piece_set(e, "TEXTURE", 1, array ? "Texture2DArray" : "Texture2D");
+    conemap__piece_set(e, "TEXTURE", 1,
+                       f[conemap__flag_wgsl]  ? (array ? "texture_2d_array" : "texture_2d")
+                       : f[conemap__flag_msl] ? (array ? "texture2d_array" : "texture2d")
+                                              : (array ? "Texture2DArray" : "Texture2D"));
     out = conemap__piece_new(e, "MAP_TYPE", 1);
     if (unorm) conemap__append(out, size, "unorm ");
     conemap__append(out, size,
@@ -9308,14 +9533,22 @@ static void conemap__make_pieces(conemap__emitter *e) {
     binding += f[conemap__flag_uses_heights];
     conemap__place_resource(e, "MAXIMA_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_maxima];
-    conemap__place_resource(e, "SAMPLER_LAYOUT", 's', d->sampler_binding);
+    k = f[conemap__flag_wgsl] && f[conemap__flag_sampler] && d->sampler_binding == 0;
+    conemap__place_resource(e, "SAMPLER_LAYOUT", 's', k ? binding : d->sampler_binding);
+    binding = f[conemap__flag_msl] ? d->binding : binding + k; /* buffers of MSL count by themselves */
     conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
+    if (!f[conemap__flag_kernel])
+        conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_compute] ? binding + 2 : binding);
+    conemap__piece_set(e, "ENTRY", 1,
+                       !f[conemap__flag_compute]  ? "@fragment"
+                       : f[conemap__flag_kernel] ? "@compute @workgroup_size(8, 8)"
+                                                 : "@compute @workgroup_size(64)");
     conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
     conemap__piece_set(e, "IN_0", 1, f[conemap__flag_located] ? "layout(location = 0) " : "");
     conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
-    conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
-    conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
+    conemap__piece_set(e, "UNIFORM", 1, f[conemap__flag_returns] || f[conemap__flag_vulkan] ? "    " : "uniform ");
+    conemap__piece_set(e, "UNSIGNED", 1, f[conemap__flag_returns] ? "u" : "");
     conemap__piece_set(e, "DEBUG", 0,
                        f[conemap__flag_steps]
                            ? (f[conemap__flag_status] ? "float(hit.steps), float(hit.status), 0.0f, 0.0f"
@@ -9363,6 +9596,7 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
         conemap__write_effects(&e);
     else if (e.flags[conemap__flag_fragment]) conemap__lines(&e, conemap__fragment_text, 0);
     if (e.flags[conemap__flag_compute]) conemap__lines(&e, conemap__compute_text, 0);
+    if (desc->stage == CONEMAP_STAGE_FUNCTIONS) conemap__lines(&e, conemap__functions_end, 0);
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
     if (text && e.size < capacity) text[e.size] = 0;
@@ -9481,6 +9715,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     result = conemap__check_texture(&texture);
     if (result == CONEMAP_OK) result = conemap__resolve_shader(e);
     if (result != CONEMAP_OK) return result;
+    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     f[conemap__flag_kernel] = 1;
     f[conemap__flag_linear] = 0;
     f[conemap__flag_ring] = kernel == CONEMAP_KERNEL_RING;
@@ -9745,6 +9980,400 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
                 : level == 0                                                  ? conemap__cell_max(map, x, y)
                              : conemap__block_max(&map->cells, level, x, y);
     return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   E M I T T E D   W G S L
+
+   WGSL has no declarations of several names, no ?:, no bodies without braces, no writing to parameters. So what the
+   snippets say is collected item by item (a struct, a function, a line outside of both) and translated when the item is
+   whole: by its statements, of which the snippets use but few kinds, and their expressions. Text that is WGSL already
+   goes through unchanged. vec2, float and the like have become WGSL's words before.
+   ====================================================================================================== */
+
+/* Past spaces, line ends and comments. */
+static const char *conemap__wgsl_skip(const char *p) {
+    for (;;) {
+        while (*p == ' ' || *p == '\n') ++p;
+        if (p[0] != '/' || p[1] != '/') return p;
+        while (*p && *p != '\n') ++p;
+    }
+}
+
+static const char *conemap__wgsl_word_end(const char *p) {
+    if (conemap__is_letter(*p))
+        while (conemap__is_letter(*p) || conemap__is_digit(*p)) ++p;
+    return p;
+}
+
+static int conemap__wgsl_is(const char *p, const char *word) {
+    return strncmp(p, word, strlen(word)) == 0 && conemap__wgsl_word_end(p) == p + strlen(word);
+}
+
+/* The first of these characters from p on that stands in no bracket and no comment, or the end. */
+static const char *conemap__wgsl_find(const char *p, const char *end, const char *characters) {
+    int depth = 0;
+    for (; p < end; ++p) {
+        if (p[0] == '/' && p[1] == '/') {
+            while (p + 1 < end && p[1] != '\n') ++p;
+            continue;
+        }
+        if (depth == 0 && strchr(characters, *p)) return p;
+        depth += *p == '(' || *p == '[' || *p == '{';
+        depth -= *p == ')' || *p == ']' || *p == '}';
+    }
+    return end;
+}
+
+/* The bracket that closes the one at p. */
+static const char *conemap__wgsl_close(const char *p, const char *end) {
+    return conemap__wgsl_find(p + 1, end, *p == '(' ? ")" : *p == '[' ? "]" : "}");
+}
+
+/* The = of an assignment or of a declaration's value. */
+static const char *conemap__wgsl_equals(const char *p, const char *end) {
+    const char *at = conemap__wgsl_find(p, end, "=");
+    return at < end && at[1] != '=' && !strchr("<>!", at[-1]) ? at : end;
+}
+
+static void conemap__wgsl_copy(conemap__emitter *e, const char *p, const char *end) {
+    if (end > p) conemap__write(e, p, (size_t)(end - p));
+}
+
+/* A word of WGSL's own; the host must not have used it. */
+static void conemap__wgsl_puts(conemap__emitter *e, const char *text) {
+    const size_t length = (size_t)(conemap__wgsl_word_end(text) - text);
+    int k;
+    for (k = 0; k < CONEMAP__GIVEN; ++k) e->clash |= length && e->given[k] && conemap__same(e->given[k], text, length);
+    conemap__write(e, text, strlen(text));
+}
+
+/* a ? b : c becomes select(c, b, a), which looks at all three: they are free of side effects, and nothing traps. What
+   shifts counts in u32. */
+static void conemap__wgsl_expression(conemap__emitter *e, const char *p, const char *end) {
+    const char *question, *colon, *close;
+    int nested = 1;
+    while (p < end && (*p == ' ' || *p == '\n')) conemap__write(e, p++, 1);
+    while (end > p && (end[-1] == ' ' || end[-1] == '\n')) --end;
+    question = conemap__wgsl_find(p, end, "?");
+    if (question < end) {
+        for (colon = question; nested > 0 && colon < end;) {
+            colon = conemap__wgsl_find(colon + 1, end, "?:");
+            nested += colon < end && *colon == '?' ? 1 : -1;
+        }
+        conemap__wgsl_puts(e, "select(");
+        conemap__wgsl_expression(e, conemap__wgsl_skip(colon + 1), end);
+        conemap__wgsl_puts(e, ", ");
+        conemap__wgsl_expression(e, conemap__wgsl_skip(question + 1), colon);
+        conemap__wgsl_puts(e, ", ");
+        conemap__wgsl_expression(e, p, question);
+        conemap__wgsl_puts(e, ")");
+        return;
+    }
+    while (p < end) {
+        const char *from = p;
+        if (p[0] == '/' && p[1] == '/') {
+            while (p < end && *p != '\n') ++p;
+            conemap__wgsl_copy(e, from, p);
+        } else if (*p == '(' || *p == '[') {
+            const int call = conemap__is_letter(p[-1]) || conemap__is_digit(p[-1]);
+            close = conemap__wgsl_close(p, end);
+            nested = *p == '(' && !call && conemap__wgsl_find(p + 1, close, "?") < close; /* select brings its own */
+            if (!nested) conemap__write(e, p, 1);
+            for (++p; p < close; ++p) {
+                const char *comma = conemap__wgsl_find(p, close, ",");
+                conemap__wgsl_expression(e, p, comma);
+                if (comma < close) conemap__write(e, ",", 1);
+                p = comma;
+                if (comma == close) break;
+            }
+            if (!nested) conemap__write(e, close, 1);
+            p = close + 1;
+        } else if ((p[0] == '<' || p[0] == '>') && p[1] == p[0]) {
+            for (p += 2; *p == ' ';) ++p;
+            conemap__wgsl_copy(e, from, p);
+            if (!conemap__is_digit(*p)) {
+                from = p;
+                p = conemap__wgsl_word_end(p);
+                while (*p == '.' || *p == '(' || *p == '[')
+                    p = *p == '.' ? conemap__wgsl_word_end(p + 1) : conemap__wgsl_close(p, end) + 1;
+                conemap__wgsl_puts(e, "u32(");
+                conemap__wgsl_expression(e, from + (*from == '('), p - (*from == '('));
+                conemap__wgsl_puts(e, ")");
+            }
+        } else {
+            p = conemap__is_letter(*p) ? conemap__wgsl_word_end(p) : p + 1;
+            conemap__wgsl_copy(e, from, p);
+        }
+    }
+}
+
+/* Does the item write to this name? Then it stands where a statement begins, or behind ++ or --. */
+static int conemap__wgsl_assigned(const char *item, const char *name, size_t length) {
+    const char *p = item;
+    int begins = 0;
+    while (*(p = conemap__wgsl_skip(p))) {
+        const char *end = conemap__wgsl_word_end(p);
+        if (end == p) {
+            begins = *p && strchr(";{})", *p) != NULL;
+            if ((p[0] == '+' || p[0] == '-') && p[1] == p[0]) {
+                begins = 1;
+                ++p;
+            }
+            ++p;
+            continue;
+        }
+        if (begins && (size_t)(end - p) == length && strncmp(p, name, length) == 0) {
+            const char *next = conemap__wgsl_skip(end);
+            if (!conemap__is_letter(*next) && *next != '(') return 1;
+        }
+        begins = conemap__wgsl_is(p, "else");
+        p = end;
+    }
+    return 0;
+}
+
+/* The spaces that the line of p begins with, on a line of their own. */
+static void conemap__wgsl_new_line(conemap__emitter *e, const char *p) {
+    const char *begin = p;
+    while (begin > e->item && begin[-1] != '\n') --begin;
+    for (p = begin; *p == ' ';) ++p;
+    conemap__write(e, "\n", 1);
+    conemap__wgsl_copy(e, begin, p);
+}
+
+/* Each name of a declaration: type name[count] = value, ... */
+static void conemap__wgsl_declaration(conemap__emitter *e, const char *p, const char *end) {
+    const char *type_end = conemap__wgsl_word_end(p), *name = conemap__wgsl_skip(type_end);
+    for (;;) {
+        const char *comma = conemap__wgsl_find(name, end, ","), *name_end = conemap__wgsl_word_end(name);
+        const char *value = conemap__wgsl_equals(name_end, comma);
+        const int array = *name_end == '[';
+        const int fixed = value < comma && !conemap__wgsl_assigned(e->item, name, (size_t)(name_end - name));
+        conemap__wgsl_puts(e, fixed ? "let " : "var ");
+        conemap__wgsl_copy(e, name, name_end);
+        if (array || value == comma) {
+            conemap__wgsl_puts(e, array ? ": array<" : ": ");
+            conemap__wgsl_copy(e, p, type_end);
+            if (array) {
+                conemap__wgsl_puts(e, ", ");
+                conemap__wgsl_copy(e, name_end + 1, conemap__wgsl_close(name_end, comma));
+                conemap__wgsl_puts(e, ">");
+            }
+        }
+        if (value < comma) {
+            conemap__wgsl_puts(e, " =");
+            conemap__wgsl_expression(e, value + 1, comma);
+        }
+        if (comma == end) return;
+        conemap__wgsl_puts(e, ";");
+        conemap__wgsl_new_line(e, p);
+        name = conemap__wgsl_skip(comma + 1);
+    }
+}
+
+/* What stands between semicolons. */
+static void conemap__wgsl_simple(conemap__emitter *e, const char *p, const char *end) {
+    const char *word_end = conemap__wgsl_word_end(p), *next = conemap__wgsl_skip(word_end), *equals;
+    const int keyword = conemap__wgsl_is(p, "return") || conemap__wgsl_is(p, "let") || conemap__wgsl_is(p, "var");
+    if ((p[0] == '+' || p[0] == '-') && p[1] == p[0]) {
+        conemap__wgsl_expression(e, p + 2, end);
+        conemap__write(e, p, 2);
+    } else if (conemap__wgsl_is(p, "return")) {
+        conemap__wgsl_copy(e, p, word_end);
+        conemap__wgsl_expression(e, word_end, end);
+    } else if (!keyword && word_end > p && next < end && conemap__is_letter(*next)) {
+        conemap__wgsl_declaration(e, p, end);
+    } else {
+        equals = conemap__wgsl_equals(p, end);
+        if (equals < end) {
+            conemap__wgsl_copy(e, p, equals + 1);
+            p = equals + 1;
+        }
+        conemap__wgsl_expression(e, p, end);
+    }
+}
+
+static const char *conemap__wgsl_statement(conemap__emitter *e, const char *p);
+
+/* What if, else and for repeat or leave out: always in braces. */
+static const char *conemap__wgsl_body(conemap__emitter *e, const char *p) {
+    const char *begin = conemap__wgsl_skip(p), *end;
+    if (*begin == '{') {
+        conemap__wgsl_copy(e, p, begin);
+        return conemap__wgsl_statement(e, begin);
+    }
+    conemap__wgsl_puts(e, " {");
+    conemap__wgsl_copy(e, p, begin);
+    end = conemap__wgsl_statement(e, begin);
+    if (memchr(p, '\n', (size_t)(begin - p)))
+        conemap__wgsl_new_line(e, p);
+    else
+        conemap__wgsl_puts(e, " ");
+    conemap__wgsl_puts(e, "}");
+    return end;
+}
+
+/* The statements between braces. */
+static void conemap__wgsl_block(conemap__emitter *e, const char *p, const char *end) {
+    for (;;) {
+        const char *begin = conemap__wgsl_skip(p);
+        conemap__wgsl_copy(e, p, begin);
+        if (begin >= end) return;
+        p = conemap__wgsl_statement(e, begin);
+    }
+}
+
+/* One statement from p on; returns its end. */
+static const char *conemap__wgsl_statement(conemap__emitter *e, const char *p) {
+    const char *end = p + strlen(p), *begin, *close;
+    if (*p == '{') {
+        close = conemap__wgsl_close(p, end);
+        conemap__write(e, p, 1);
+        conemap__wgsl_block(e, p + 1, close);
+        conemap__write(e, close, 1);
+        return close + 1;
+    }
+    if (conemap__wgsl_is(p, "if") || conemap__wgsl_is(p, "for")) {
+        begin = conemap__wgsl_find(p, end, "(");
+        close = conemap__wgsl_close(begin, end);
+        conemap__wgsl_copy(e, p, begin + 1);
+        if (*p == 'f') {
+            const char *first = conemap__wgsl_find(begin + 1, close, ";");
+            const char *second = conemap__wgsl_find(first + 1, close, ";");
+            conemap__wgsl_simple(e, begin + 1, first);
+            conemap__wgsl_puts(e, ";");
+            conemap__wgsl_expression(e, first + 1, second);
+            conemap__wgsl_copy(e, second, conemap__wgsl_skip(second + 1));
+            conemap__wgsl_simple(e, conemap__wgsl_skip(second + 1), close);
+        } else {
+            conemap__wgsl_expression(e, begin + 1, close);
+        }
+        conemap__wgsl_puts(e, ")");
+        begin = conemap__wgsl_body(e, close + 1);
+        p = conemap__wgsl_skip(begin);
+        if (!conemap__wgsl_is(p, "else")) return begin;
+        conemap__wgsl_copy(e, begin, p + 4);
+        begin = conemap__wgsl_skip(p + 4);
+        if (!conemap__wgsl_is(begin, "if")) return conemap__wgsl_body(e, p + 4);
+        conemap__wgsl_copy(e, p + 4, begin);
+        return conemap__wgsl_statement(e, begin);
+    }
+    close = conemap__wgsl_find(p, end, ";");
+    conemap__wgsl_simple(e, p, close);
+    if (close < end) conemap__write(e, ";", 1);
+    return close < end ? close + 1 : end;
+}
+
+/* type name, type name: of a function. A parameter that is written to comes in under another name. */
+static void conemap__wgsl_parameters(conemap__emitter *e, const char *p, const char *end) {
+    while ((p = conemap__wgsl_skip(p)) < end) {
+        const char *comma = conemap__wgsl_find(p, end, ","), *type_end = conemap__wgsl_word_end(p);
+        const char *name = conemap__wgsl_skip(type_end), *name_end = conemap__wgsl_word_end(name);
+        conemap__wgsl_copy(e, name, name_end);
+        if (conemap__wgsl_assigned(e->item, name, (size_t)(name_end - name))) conemap__wgsl_puts(e, "_in");
+        conemap__wgsl_puts(e, ": ");
+        conemap__wgsl_copy(e, p, type_end);
+        if (comma == end) return;
+        conemap__wgsl_copy(e, comma, conemap__wgsl_skip(comma + 1));
+        p = comma + 1;
+    }
+}
+
+/* The collected item. */
+static void conemap__wgsl_item(conemap__emitter *e) {
+    const char *item = e->item, *end = item + strlen(item), *brace = conemap__wgsl_find(item, end, "{");
+    const char *type_end = conemap__wgsl_word_end(item), *name = type_end + (*type_end == ' ');
+    const char *name_end = conemap__wgsl_word_end(name), *close, *p;
+    const int native = conemap__wgsl_is(item, "fn") || conemap__wgsl_is(item, "var") || type_end == item;
+    if (conemap__wgsl_is(item, "struct") && brace < end) {
+        close = conemap__wgsl_close(brace, end);
+        conemap__wgsl_copy(e, item, brace + 1);
+        for (p = brace + 1; p < close;) { /* type name, name; */
+            const char *begin = conemap__wgsl_skip(p), *stop, *field;
+            if (begin > close) begin = close;
+            conemap__wgsl_copy(e, p, begin);
+            if (begin == close) break;
+            stop = conemap__wgsl_find(begin, close, ";:@");
+            if (*stop != ';') { /* WGSL already */
+                for (p = begin; p < close && *p != '\n';) ++p;
+                conemap__wgsl_copy(e, begin, p);
+                continue;
+            }
+            type_end = conemap__wgsl_word_end(begin);
+            for (field = conemap__wgsl_skip(type_end); field < stop;) {
+                name_end = conemap__wgsl_word_end(field);
+                conemap__wgsl_copy(e, field, name_end);
+                conemap__wgsl_puts(e, ": ");
+                conemap__wgsl_copy(e, begin, type_end);
+                conemap__wgsl_puts(e, *name_end == ',' ? ", " : ",");
+                field = conemap__wgsl_skip(name_end + 1);
+                if (*name_end != ',') break;
+            }
+            p = stop + 1;
+        }
+        conemap__wgsl_puts(e, "}");
+        conemap__wgsl_copy(e, close + 1 + (close[1] == ';'), end);
+    } else if (!native && name_end > name && *name_end == '(') {
+        close = conemap__wgsl_close(name_end, end);
+        conemap__wgsl_puts(e, brace < end ? "" : "// the host's: ");
+        conemap__wgsl_puts(e, "fn ");
+        conemap__wgsl_copy(e, name, name_end + 1);
+        conemap__wgsl_parameters(e, name_end + 1, close);
+        conemap__wgsl_puts(e, ")");
+        if (!conemap__wgsl_is(item, "void")) {
+            conemap__wgsl_puts(e, " -> ");
+            conemap__wgsl_copy(e, item, type_end);
+        }
+        if (brace == end) {
+            conemap__wgsl_copy(e, close + 2, end);
+            return;
+        }
+        conemap__wgsl_copy(e, close + 1, brace + 1);
+        for (p = name_end + 1; p < close; ++p) { /* the parameters again */
+            const char *comma = conemap__wgsl_find(p, close, ",");
+            name = conemap__wgsl_skip(conemap__wgsl_word_end(conemap__wgsl_skip(p)));
+            type_end = conemap__wgsl_word_end(name);
+            if (conemap__wgsl_assigned(item, name, (size_t)(type_end - name))) {
+                conemap__wgsl_puts(e, "\n    var ");
+                conemap__wgsl_copy(e, name, type_end);
+                conemap__wgsl_puts(e, " = ");
+                conemap__wgsl_copy(e, name, type_end);
+                conemap__wgsl_puts(e, "_in;");
+            }
+            p = comma;
+        }
+        close = conemap__wgsl_close(brace, end);
+        conemap__wgsl_block(e, brace + 1, close);
+        conemap__wgsl_copy(e, close, end);
+    } else if (brace < end) { /* an entry point, WGSL but for its statements */
+        conemap__wgsl_copy(e, item, brace);
+        p = conemap__wgsl_statement(e, brace);
+        conemap__wgsl_copy(e, p, end);
+    } else {
+        conemap__wgsl_copy(e, item, end);
+    }
+}
+
+/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. An item that is longer than the
+   room for it counts as a clash: only a host's names can make it so long. */
+static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length) {
+    size_t k;
+    for (k = 0; k < length; ++k) {
+        const char c = text[k];
+        if (e->item_size + 1 >= CONEMAP__ITEM_SIZE) {
+            e->clash = 1;
+            return;
+        }
+        e->item[e->item_size++] = c;
+        if (c == '/' && e->item_size > 1 && e->item[e->item_size - 2] == '/') e->item_comment = 1;
+        if (c == '\n') e->item_comment = 0;
+        if (!e->item_comment) e->item_depth += (c == '{' || c == '(') - (c == '}' || c == ')');
+        if (c != '\n' || e->item_depth > 0) continue;
+        e->item[e->item_size] = 0;
+        conemap__wgsl_item(e);
+        e->item_size = 0;
+    }
 }
 
 /* ======================================================================================================
@@ -10552,6 +11181,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
+    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     if (conemap__effects_clash(flags) || f[conemap__flag_sectors]) return CONEMAP_ERROR_UNSUPPORTED;
     e->tables[1] = conemap__effect_snippets;
     f[conemap__flag_shading] = 1;
@@ -10720,21 +11350,14 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
         }
 
     /* Texture reads and resources. */
-    conemap__read_texture(e, conemap__piece_new(e, "STORED", 0), "$MAP_NAME", hlsl ? ".Load" : "texelFetch(",
-                          hlsl    ? (array ? "(int4($I, $J, slice, $LOD))" : "(int3($I, $J, $LOD))")
-                          : array ? ", ivec3($I, $J, slice), $LOD)"
-                                  : ", ivec2($I, $J), $LOD)",
-                          ".ba");
+    conemap__read_texel(e, conemap__piece_new(e, "STORED", 0), "$MAP_NAME", "$I", "$J", array ? "slice" : NULL, "$LOD",
+                        ".ba");
     conemap__piece_set(e, "STORED_V", 0, d->map.texture.flip_dv ? "0.5f - stored.y" : "stored.y - 0.5f");
     out = conemap__piece_new(e, "ALPHA", 0);
     if (host)
         conemap__append(out, size, "conemap_alpha($I, $J$SLICE_ARG)");
     else
-        conemap__read_texture(e, out, "conemap_alpha", hlsl ? ".Load" : "texelFetch(",
-                              hlsl    ? (array ? "(int4($I, $J, slice, 0))" : "(int3($I, $J, 0))")
-                              : array ? ", ivec3($I, $J, slice), 0)"
-                                      : ", ivec2($I, $J), 0)",
-                              ".r");
+        conemap__read_texel(e, out, "conemap_alpha", "$I", "$J", array ? "slice" : NULL, "0", ".r");
     conemap__place_resource(e, "ALPHA_LAYOUT", 't', binding);
     binding += holes && !host;
     conemap__place_resource(e, "COLORS_LAYOUT", 't', binding);
@@ -13234,7 +13857,8 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
         {CONEMAP_FRUSTA_TEXTURE, 0, 1, 1, 0}, {CONEMAP_FRUSTA_TEXTURE, 1, 1, 1, 0},
         {CONEMAP_FRUSTA_TEXELS, 0, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
-        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}};
+        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}, {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0},
+        {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0}};
     conemap_shader_desc *s = &e->desc;
     unsigned char *f = e->flags;
     conemap_skeleton_trace_desc trace;
@@ -13288,6 +13912,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         if (d->shade && e->given[k] && strcmp(d->shade, e->given[k]) == 0) return CONEMAP_ERROR_PARAMETER;
     if (!conemap__is_name(d->shade)) return CONEMAP_ERROR_PARAMETER;
     e->given[7] = d->shade; /* there are no octants */
+    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     if (d->source == CONEMAP_FRUSTA_DEFAULT)
         d->source = (conemap_frusta_source)sources[d->dialect][0];
     else if (!sources[d->dialect][d->source])
