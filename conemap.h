@@ -9117,7 +9117,7 @@ static void conemap__sample_texture(conemap__emitter *e, char *out, const char *
     if (array && !f[conemap__flag_given]) texts[n++] = "vec3(";
     texts[n++] = point;
     if (array) texts[n++] = f[conemap__flag_given] ? ", slice" : ", float(slice))";
-    texts[n] = f[conemap__flag_msl] ? ", level(0.0f))" : ", 0.0)";
+    texts[n] = f[conemap__flag_msl] ? ", metal::level(0.0f))" : ", 0.0)";
     conemap__append_all(out, texts);
     conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
 }
@@ -9587,7 +9587,7 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
     conemap__make_effect_pieces(&e);
     conemap__lines(&e, conemap__head_text, 0);
     conemap__write_resources(&e);
-    if (desc->fetch) {
+    if (desc->fetch && !e.flags[conemap__flag_msl]) { /* there they are members of the host's */
         conemap__lines(&e, conemap__host_text, 1); /* C: the types that it is declared with */
         conemap__lines(&e, conemap__host_text, 0);
     }
