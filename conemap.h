@@ -9637,53 +9637,94 @@ static const char conemap__kernel_head[] =
     "?c #include <math.h>\n"
     "?quick,c #include <stdbool.h>\n"
     "?search,c #include <stdbool.h>\n"
+    "?wrapped #include <metal_stdlib>\n"
+    "?wrapped using namespace metal;\n"
     "\n"
+    "?wrapped struct conemap_shader {\n"
+    "?wrapped @>\n"
+    "?wrapped @fields\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
+    "?uses_map,wgsl $MAP_LAYOUTvar $MAP_NAME: texture_2d<f32>;\n"
+    "?uses_heights,wgsl $HEIGHTS_LAYOUTvar $HEIGHTS_NAME: texture_2d<f32>;\n"
+    "?uses_maxima,wgsl $MAXIMA_LAYOUTvar $MAXIMA_NAME: texture_2d<f32>;\n"
     "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_maxima,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
     "?uses_map,hlsl Texture2D<float> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,hlsl Texture2D<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
-    "?host float $FETCH_NAME(int i, int j);\n"
-    "?host_state float $FETCH_CONES_NAME(int i, int j);\n"
-    "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
+    "?host,!msl float $FETCH_NAME(int i, int j);\n"
+    "?host_state,!msl float $FETCH_CONES_NAME(int i, int j);\n"
+    "?host_maxima,!msl float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
     "\n";
 
 static const char conemap__kernel_main[] =
     "?vulkan,argued layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,argued cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,argued struct conemap_arguments {\n"
     "?batched $UNIFORMint conemap_first, conemap_last;\n"
     "?levelled $UNIFORMint conemap_level;\n"
     "?vulkan,argued };\n"
     "?hlsl,argued };\n"
+    "?given,argued };\n"
+    "?wgsl,argued $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,argued conemap_arguments conemap_given;\n"
     "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?fragment,glsl,!located out vec4 conemap_color;\n"
     "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
     "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
+    "?compute,wgsl $OUT_LAYOUTvar conemap_out: texture_storage_2d<$OUT_FORMAT, write>;\n"
+    "?compute,msl texture2d<float, access::write> conemap_out;\n"
     "?compute,hlsl RWTexture2D<$OUT_TYPE> conemap_out$OUT_LAYOUT;\n"
     "\n"
     "?fragment,hlsl float4 main(float4 place : SV_Position) : SV_Target {\n"
     "?compute,hlsl [numthreads(8, 8, 1)]\n"
     "?compute,hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?wgsl $ENTRY\n"
+    "?fragment,wgsl fn conemap_main(@builtin(position) place: vec4f) -> @location(0) vec4f {\n"
+    "?compute,wgsl fn conemap_main(@builtin(global_invocation_id) thread: vec3u) {\n"
+    "?fragment,msl float4 conemap_run(float4 place) {\n"
+    "?compute,msl void conemap_run(uint2 at) {\n"
     "?glsl void main() {\n"
     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
     "?fragment,glsl     int i = int(gl_FragCoord.x), j = int(gl_FragCoord.y);\n"
-    "?fragment,hlsl     int i = int(place.x), j = int(place.y);\n"
+    "?fragment,returns     int i = int(place.x), j = int(place.y);\n"
     "?compute,glsl     int i = int(gl_GlobalInvocationID.x), j = int(gl_GlobalInvocationID.y);\n"
     "?compute,hlsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute,wgsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute,msl     int i = int(at.x), j = int(at.y);\n"
     "?compute,!levels     if (i >= $W || j >= $H) return;\n"
     "?compute,levels,glsl     ivec2 side = imageSize(conemap_out);\n"
-    "?compute,levels,glsl     if (i >= side.x || j >= side.y) return;\n"
+    "?compute,levels,wgsl     ivec2 side = ivec2(textureDimensions(conemap_out));\n"
+    "?compute,levels,msl     ivec2 side = ivec2(conemap_out.get_width(), conemap_out.get_height());\n"
+    "?compute,levels,!hlsl     if (i >= side.x || j >= side.y) return;\n"
     "?compute,levels,hlsl     uint width, height;\n"
     "?compute,levels,hlsl     conemap_out.GetDimensions(width, height);\n"
     "?compute,levels,hlsl     if (thread.x >= width || thread.y >= height) return;\n"
     "?fragment,glsl     conemap_color = vec4($RESULT);\n"
-    "?fragment,hlsl     return vec4($RESULT);\n"
+    "?fragment,returns     return vec4($RESULT);\n"
     "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,wgsl     textureStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,msl     conemap_out.write(vec4($RESULT), at);\n"
     "?compute,hlsl     conemap_out[uint2(thread.xy)] = $RESULT_HLSL;\n"
-    "}\n";
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?fragment,msl fragment float4 conemap_main(\n"
+    "?compute,msl kernel void conemap_main(\n"
+    "?msl @parameters\n"
+    "?compute,msl     texture2d<float, access::write> conemap_out$OUT_LAYOUT,\n"
+    "?compute,msl     uint2 at [[thread_position_in_grid]]) {\n"
+    "?fragment,msl     float4 place [[position]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?compute,msl         conemap_out,\n"
+    "?msl     };\n"
+    "?fragment,msl     return shader.conemap_run(place);\n"
+    "?compute,msl     shader.conemap_run(at);\n"
+    "?msl }\n";
 
 /* Sets the emitter up for a kernel: only the fields that matter are taken over from the desc. */
 static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap_shader_desc *desc,
@@ -9692,7 +9733,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     unsigned char *f = e->flags;
     conemap_texture texture = desc->map.texture;
     conemap_result result;
-    int state, heights, maxima, es_compute;
+    int state, heights, maxima, es_compute, few;
     d->dialect = desc->dialect;
     d->stage = desc->stage;
     d->map = desc->map;
@@ -9715,7 +9756,6 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     result = conemap__check_texture(&texture);
     if (result == CONEMAP_OK) result = conemap__resolve_shader(e);
     if (result != CONEMAP_OK) return result;
-    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     f[conemap__flag_kernel] = 1;
     f[conemap__flag_linear] = 0;
     f[conemap__flag_ring] = kernel == CONEMAP_KERNEL_RING;
@@ -9753,12 +9793,16 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_uses_heights] = !d->fetch && heights;
     f[conemap__flag_uses_maxima] = !d->fetch && maxima;
     es_compute = f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE; /* which has but few formats of images */
+    few = f[conemap__flag_wgsl] && d->stage == CONEMAP_STAGE_COMPUTE; /* as well, but not the same */
+    f[conemap__flag_arguments] = f[conemap__flag_argued];
     if ((d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->fetch && state && !d->fetch_cones) ||
         (d->fetch && maxima && !d->fetch_maxima) || (!d->fetch && (d->fetch_cones || d->fetch_maxima)) ||
         texture.sectors > 1 ||
         (es_compute && f[conemap__flag_store] &&
          (f[conemap__flag_slopes] ? texture.format == CONEMAP_UNORM16
-                                  : f[conemap__flag_pair] || texture.format != CONEMAP_F32)))
+                                  : f[conemap__flag_pair] || texture.format != CONEMAP_F32)) ||
+        (few && f[conemap__flag_store] &&
+         (f[conemap__flag_slopes] ? texture.format == CONEMAP_UNORM16 : texture.format != CONEMAP_F32)))
         return CONEMAP_ERROR_UNSUPPORTED;
     f[conemap__flag_size_asked] = !d->fixed_size && !d->fetch && !f[conemap__flag_maxima];
     return CONEMAP_OK;
@@ -9770,19 +9814,21 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
         "conemap_ring",   "conemap_steepest", "conemap_safe",  "conemap_stored", "conemap_highest",
         "conemap_padded", "conemap_four",     "conemap_quick", "conemap_exact"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {
-        "conemap_ring(i, j, conemap_first, conemap_last$SIZE)",
+        "conemap_ring(i, j$GIVENconemap_first$GIVENconemap_last$SIZE)",
         "conemap_steepest(i, j$SIZE)",
         "conemap_safe(i, j$SIZE)",
         "conemap_stored(i, j$SIZE)",
         "conemap_highest(i, j$SIZE)",
         "conemap_padded(i, j$SIZE)",
-        "conemap_four(i, j, conemap_level)",
+        "conemap_four(i, j$GIVENconemap_level)",
         "conemap_quick(i, j$SIZE)",
-        "conemap_exact(i, j, conemap_first, conemap_last, conemap_level$SIZE)"};
+        "conemap_exact(i, j$GIVENconemap_first$GIVENconemap_last$GIVENconemap_level$SIZE)"};
     static const char *const formats[CONEMAP_FORMAT_COUNT][3] = {{"r32f", "rg32f", "rgba32f"},
                                                                  {"r16f", "rg16f", "rgba16f"},
                                                                  {"r16", "rg16", "rgba16"},
                                                                  {"r8", "rg8", "rgba8"}};
+    static const char *const storage[CONEMAP_FORMAT_COUNT][3] = {
+        {"r32float", "rg32float", "rgba32float"}, {"", "", "rgba16float"}, {"", "", ""}, {"", "", "rgba8unorm"}};
     static const char *const types[2][3] = {{"float", "float2", "float4"},
                                             {"unorm float", "unorm float2", "unorm float4"}};
     const char *slopes = desc->map.texture.flip_dv
@@ -9802,11 +9848,18 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     unorm = kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm];
     binding = e.desc.binding + e.flags[conemap__flag_uses_map] + e.flags[conemap__flag_uses_heights] +
               e.flags[conemap__flag_uses_maxima];
-    conemap__piece_set(&e, "OUT_FORMAT", 1,
-                       formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][wide]);
+    conemap__piece_set(
+        &e, "OUT_FORMAT", 1,
+        (e.flags[conemap__flag_wgsl] ? storage : formats)[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format
+                                                                                         : CONEMAP_F32][wide]);
     conemap__piece_set(&e, "OUT_TYPE", 1, types[unorm][wide]);
-    conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b',
+    conemap__place_resource(&e, "OUT_LAYOUT",
+                            e.flags[conemap__flag_hlsl]  ? 'u'
+                            : e.flags[conemap__flag_msl] ? 't'
+                                                         : 'b',
                             e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
+    conemap__place_resource(&e, "GIVEN_LAYOUT", 'b',
+                            e.flags[conemap__flag_msl] ? e.desc.binding : binding + e.flags[conemap__flag_compute]);
     conemap__piece_set(&e, "CALL", 0, calls[kernel]);
     out = conemap__piece_new(&e, "RESULT", 0);
     if (wide) conemap__append(out, CONEMAP__PIECE_SIZE, "conemap_texel(i, j$SIZE), ");
@@ -9823,6 +9876,8 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
         conemap__lines(&e, conemap__kernel_main, 1);
         conemap__lines(&e, conemap__kernel_main, 0);
+    } else {
+        conemap__lines(&e, conemap__functions_end, 0);
     }
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
