@@ -9207,7 +9207,7 @@ static void conemap__make_pieces(conemap__emitter *e) {
               unorm = d->map.texture.format >= CONEMAP_UNORM16;
     const char *map = "$MAP_NAME",
                *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
-    const char *given = f[conemap__flag_given] ? ", conemap_given." : ", ", *layer = array ? "slice" : NULL;
+    const char *given = f[conemap__flag_given] ? "conemap_given." : "", *layer = array ? "slice" : NULL;
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
     const char *octants = "$OCTANTS_NAME";
     const int both = f[conemap__flag_both], filtered = f[conemap__flag_hardware] && !f[conemap__flag_per_cell];
@@ -9271,11 +9271,11 @@ static void conemap__make_pieces(conemap__emitter *e) {
     if (array) conemap__append(out, size, ", slice");
     out = conemap__piece_new(e, "ARGS", 0); /* of the call in main */
     if (d->t_range && d->stage == CONEMAP_STAGE_FRAGMENT)
-        conemap__append(out, size, "$GIVENconemap_range.x$GIVENconemap_range.y");
-    if (d->run_time_cap) conemap__append(out, size, "$GIVENconemap_max_steps");
-    if (d->atlas) conemap__append(out, size, "$GIVENconemap_rect");
-    if (f[conemap__flag_size_argument]) conemap__append(out, size, "$GIVENconemap_map_size");
-    if (array) conemap__append(out, size, "$GIVENconemap_slice");
+        conemap__append(out, size, ", $GIVENconemap_range.x, $GIVENconemap_range.y");
+    if (d->run_time_cap) conemap__append(out, size, ", $GIVENconemap_max_steps");
+    if (d->atlas) conemap__append(out, size, ", $GIVENconemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", $GIVENconemap_map_size");
+    if (array) conemap__append(out, size, ", $GIVENconemap_slice");
     conemap__piece_set(e, "GIVEN", 0, given);
     conemap__piece_set(e, "STRUCT", 0, f[conemap__flag_c] ? "typedef struct" : "struct");
     conemap__piece_set(e, "FN", 1, f[conemap__flag_c] ? "static " : "");
@@ -9538,7 +9538,7 @@ static void conemap__make_pieces(conemap__emitter *e) {
     binding = f[conemap__flag_msl] ? d->binding : binding + k; /* buffers of MSL count by themselves */
     conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
-    if (!f[conemap__flag_kernel])
+    if (!f[conemap__flag_kernel] && !f[conemap__flag_shading])
         conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_compute] ? binding + 2 : binding);
     conemap__piece_set(e, "ENTRY", 1,
                        !f[conemap__flag_compute]  ? "@fragment"
@@ -9814,15 +9814,15 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
         "conemap_ring",   "conemap_steepest", "conemap_safe",  "conemap_stored", "conemap_highest",
         "conemap_padded", "conemap_four",     "conemap_quick", "conemap_exact"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {
-        "conemap_ring(i, j$GIVENconemap_first$GIVENconemap_last$SIZE)",
+        "conemap_ring(i, j, $GIVENconemap_first, $GIVENconemap_last$SIZE)",
         "conemap_steepest(i, j$SIZE)",
         "conemap_safe(i, j$SIZE)",
         "conemap_stored(i, j$SIZE)",
         "conemap_highest(i, j$SIZE)",
         "conemap_padded(i, j$SIZE)",
-        "conemap_four(i, j$GIVENconemap_level)",
+        "conemap_four(i, j, $GIVENconemap_level)",
         "conemap_quick(i, j$SIZE)",
-        "conemap_exact(i, j$GIVENconemap_first$GIVENconemap_last$GIVENconemap_level$SIZE)"};
+        "conemap_exact(i, j, $GIVENconemap_first, $GIVENconemap_last, $GIVENconemap_level$SIZE)"};
     static const char *const formats[CONEMAP_FORMAT_COUNT][3] = {{"r32f", "rg32f", "rgba32f"},
                                                                  {"r16f", "rg16f", "rgba16f"},
                                                                  {"r16", "rg16", "rgba16"},
@@ -11010,6 +11010,8 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "vec4 conemap_color(conemap_shading s) {\n"
      "?glsl     return textureGrad(conemap_colors, s.uv, s.gradient.xy, s.gradient.zw);\n"
      "?hlsl     return conemap_colors.SampleGrad(conemap_color_sampler, s.uv, s.gradient.xy, s.gradient.zw);\n"
+     "?wgsl     return textureSampleGrad(conemap_colors, conemap_color_sampler, s.uv, s.gradient.xy, s.gradient.zw);\n"
+     "?msl     return conemap_colors.sample(conemap_color_sampler, s.uv, gradient2d(s.gradient.xy, s.gradient.zw));\n"
      "}\n"},
     {NULL, NULL},
 };
@@ -11131,7 +11133,10 @@ static const char conemap__shade_resources[] =
     "?colors,!external,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
     "?colors,!external,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
     "?colors,!external,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
-    "?holes,host float conemap_alpha(int i, int j$SLICE_PARAM); // the host's\n"
+    "?holes,!external,!host,wgsl $ALPHA_LAYOUTvar conemap_alpha: $TEXTURE<f32>; // a texel for each of the map's\n"
+    "?colors,!external,wgsl $COLORS_LAYOUTvar conemap_colors: texture_2d<f32>; // a colour map\n"
+    "?colors,!external,wgsl $COLOR_SAMPLER_LAYOUTvar conemap_color_sampler: sampler;\n"
+    "?holes,host,!msl float conemap_alpha(int i, int j$SLICE_PARAM); // the host's\n"
     "?holes \n"
     "?colors,!holes \n";
 
@@ -11152,6 +11157,7 @@ static const char conemap__shade_main[] =
     "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
     "?vulkan $BLOCK_LAYOUTuniform conemap_block {\n"
     "?hlsl cbuffer conemap_block$BLOCK_LAYOUT {\n"
+    "?given struct conemap_arguments {\n"
     "?settings $UNIFORMconemap_effects conemap_settings;\n"
     "$UNIFORMvec4 conemap_shape; // uv_scale, depth, level\n"
     "?curved $UNIFORMvec4 conemap_curvature;\n"
@@ -11161,8 +11167,11 @@ static const char conemap__shade_main[] =
     "?array $UNIFORMint conemap_slice;\n"
     "?vulkan };\n"
     "?hlsl };\n"
+    "?given };\n"
+    "?wgsl $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl conemap_arguments conemap_given;\n"
     "\n"
-    "?hlsl struct conemap_inputs {\n"
+    "?returns struct conemap_inputs {\n"
     "?hlsl     float3 origin : TEXCOORD0;    // of the ray, in the world\n"
     "?hlsl     float3 direction : TEXCOORD1; // t = 1 at the fragment, say\n"
     "?hlsl     float3 tangent : TEXCOORD2;   // the frame at the fragment\n"
@@ -11170,18 +11179,47 @@ static const char conemap__shade_main[] =
     "?hlsl     float3 normal : TEXCOORD4;\n"
     "?hlsl     float3 place : TEXCOORD5;     // the fragment in the world\n"
     "?hlsl     float2 uv : TEXCOORD6;        // and on the map\n"
-    "?hlsl };\n"
-    "?hlsl \n"
-    "?hlsl struct conemap_targets {\n"
+    "?wgsl     @location(0) origin: vec3f,    // of the ray, in the world\n"
+    "?wgsl     @location(1) direction: vec3f, // t = 1 at the fragment, say\n"
+    "?wgsl     @location(2) tangent: vec3f,   // the frame at the fragment\n"
+    "?wgsl     @location(3) bitangent: vec3f,\n"
+    "?wgsl     @location(4) normal: vec3f,\n"
+    "?wgsl     @location(5) place: vec3f,     // the fragment in the world\n"
+    "?wgsl     @location(6) uv: vec2f,        // and on the map\n"
+    "?msl     float3 origin [[user(locn0)]];    // of the ray, in the world\n"
+    "?msl     float3 direction [[user(locn1)]]; // t = 1 at the fragment, say\n"
+    "?msl     float3 tangent [[user(locn2)]];   // the frame at the fragment\n"
+    "?msl     float3 bitangent [[user(locn3)]];\n"
+    "?msl     float3 normal [[user(locn4)]];\n"
+    "?msl     float3 place [[user(locn5)]];     // the fragment in the world\n"
+    "?msl     float2 uv [[user(locn6)]];        // and on the map\n"
+    "?returns };\n"
+    "?returns \n"
+    "?returns struct conemap_targets {\n"
     "?hlsl     float4 box : SV_Target0; // u, v, z, t\n"
     "?hlsl,world     float4 position : SV_Target1;\n"
     "?hlsl,normal_out     float4 normal : SV_Target$TARGET_2;\n"
     "?hlsl,colors     float4 color : SV_Target$TARGET_3;\n"
     "?hlsl,numbers     float4 numbers : SV_Target$TARGET_4; // shadow, occlusion, level, fade\n"
     "?hlsl,depth     float depth : $SV_DEPTH;\n"
-    "?hlsl };\n"
-    "?hlsl \n"
+    "?wgsl     @location(0) box: vec4f, // u, v, z, t\n"
+    "?wgsl,world     @location(1) position: vec4f,\n"
+    "?wgsl,normal_out     @location($TARGET_2) normal: vec4f,\n"
+    "?wgsl,colors     @location($TARGET_3) color: vec4f,\n"
+    "?wgsl,numbers     @location($TARGET_4) numbers: vec4f, // shadow, occlusion, level, fade\n"
+    "?wgsl,depth     @builtin(frag_depth) depth: f32,\n"
+    "?msl     float4 box [[color(0)]]; // u, v, z, t\n"
+    "?msl,world     float4 position [[color(1)]];\n"
+    "?msl,normal_out     float4 normal [[color($TARGET_2)]];\n"
+    "?msl,colors     float4 color [[color($TARGET_3)]];\n"
+    "?msl,numbers     float4 numbers [[color($TARGET_4)]]; // shadow, occlusion, level, fade\n"
+    "?msl,depth     float depth [[depth($SV_DEPTH)]];\n"
+    "?returns };\n"
+    "?returns \n"
     "?hlsl conemap_targets main(conemap_inputs inputs) {\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(inputs: conemap_inputs) -> conemap_targets {\n"
+    "?msl conemap_targets conemap_run(conemap_inputs inputs) {\n"
     "?glsl void main() {\n"
     "    conemap_frame frame;\n"
     "?glsl     frame.origin = conemap_point;\n"
@@ -11189,31 +11227,44 @@ static const char conemap__shade_main[] =
     "?glsl     frame.bitangent = conemap_frame_bitangent;\n"
     "?glsl     frame.normal = conemap_frame_normal;\n"
     "?glsl     frame.uv_offset = conemap_uv;\n"
-    "?hlsl     frame.origin = inputs.place;\n"
-    "?hlsl     frame.tangent = inputs.tangent;\n"
-    "?hlsl     frame.bitangent = inputs.bitangent;\n"
-    "?hlsl     frame.normal = inputs.normal;\n"
-    "?hlsl     frame.uv_offset = inputs.uv;\n"
-    "    frame.uv_scale = conemap_shape.xy;\n"
-    "    frame.depth = conemap_shape.z;\n"
-    "    frame.level = conemap_shape.w;\n"
-    "?curved     frame.curvature = conemap_curvature.xyz;\n"
+    "?returns     frame.origin = inputs.place;\n"
+    "?returns     frame.tangent = inputs.tangent;\n"
+    "?returns     frame.bitangent = inputs.bitangent;\n"
+    "?returns     frame.normal = inputs.normal;\n"
+    "?returns     frame.uv_offset = inputs.uv;\n"
+    "    frame.uv_scale = $GIVENconemap_shape.xy;\n"
+    "    frame.depth = $GIVENconemap_shape.z;\n"
+    "    frame.level = $GIVENconemap_shape.w;\n"
+    "?curved     frame.curvature = $GIVENconemap_curvature.xyz;\n"
     "?gradient,glsl     vec4 gradient = vec4(dFdx(conemap_uv), dFdy(conemap_uv));\n"
+    "?gradient,wgsl     vec4 gradient = vec4(dpdx(inputs.uv), dpdy(inputs.uv));\n"
+    "?gradient,msl     vec4 gradient = vec4(dfdx(inputs.uv), dfdy(inputs.uv));\n"
     "?gradient,hlsl     vec4 gradient = vec4(ddx(inputs.uv), ddy(inputs.uv));\n"
     "?glsl     conemap_shading s = conemap_shade($SETTINGS_ARGframe, conemap_origin, conemap_direction$SHADE_ARGS);\n"
-    "?hlsl     conemap_shading s = conemap_shade($SETTINGS_ARGframe, inputs.origin, inputs.direction$SHADE_ARGS);\n"
+    "?returns     conemap_shading s = conemap_shade($SETTINGS_ARGframe, inputs.origin, inputs.direction$SHADE_ARGS);\n"
     "?colors     vec4 color = conemap_color(s);\n"
     "    if (!s.found) discard;\n"
-    "?hlsl     conemap_targets targets;\n"
+    "?returns     conemap_targets targets;\n"
     "    $TARGET_BOX = vec4(s.box, s.t);\n"
     "?world     $TARGET_POSITION = vec4(s.position, 1.0f);\n"
     "?normal_out     $TARGET_NORMAL = vec4(s.normal, 0.0f);\n"
     "?colors     $TARGET_COLOR = color;\n"
     "?numbers     $TARGET_NUMBERS = vec4($NUMBERS);\n"
     "?glsl,depth     gl_FragDepth = s.depth;\n"
-    "?hlsl,depth     targets.depth = s.depth;\n"
-    "?hlsl     return targets;\n"
-    "}\n";
+    "?returns,depth     targets.depth = s.depth;\n"
+    "?returns     return targets;\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl fragment conemap_shader::conemap_targets conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     conemap_shader::conemap_inputs inputs [[stage_in]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(inputs);\n"
+    "?msl }\n";
 
 /* Unknown bits, or two effects of which one is instead of the other. */
 static int conemap__effects_clash(unsigned flags) {
@@ -11232,11 +11283,10 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     int asked;
     if (!CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT)) return CONEMAP_ERROR_ENUM;
     if (d->depth_bound != CONEMAP_DEPTH_ANY &&
-        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] ||
+        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] || f[conemap__flag_wgsl] ||
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
-    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     if (conemap__effects_clash(flags) || f[conemap__flag_sectors]) return CONEMAP_ERROR_UNSUPPORTED;
     e->tables[1] = conemap__effect_snippets;
     f[conemap__flag_shading] = 1;
@@ -11283,6 +11333,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
     f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
     f[conemap__flag_ranged] = d->t_range != 0;
+    f[conemap__flag_arguments] = f[conemap__flag_fragment]; /* the block, for MSL */
     if (f[conemap__flag_cuts] || f[conemap__flag_hard]) /* conemap_trace's, whatever conemap_shade has */
         d->t_range = f[conemap__flag_t_range] = 1;
     asked = f[conemap__flag_flight] || f[conemap__flag_place]; /* a flight, or a second trace that must be exact */
@@ -11310,7 +11361,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], lod = f[conemap__flag_lod];
     const int holes = f[conemap__flag_holes], curved = f[conemap__flag_curved], host = f[conemap__flag_host];
-    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima];
+    const int own = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
+    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] +
+                  (own && f[conemap__flag_sampler]);
     int axis, end, k, target = 0;
     char *out;
     if (!f[conemap__flag_shading]) return;
@@ -11319,7 +11372,7 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "FLAT_PARAMS", 0, "$SIZE_PARAMS$SLICE_PARAM");
     conemap__piece_set(e, "FLAT", 0, "$SIZE$SLICE_ARG");
     conemap__piece_set(e, "SETTINGS_PARAM", 0, f[conemap__flag_settings] ? "conemap_effects e, " : "");
-    conemap__piece_set(e, "SETTINGS_ARG", 0, f[conemap__flag_settings] ? "conemap_settings, " : "");
+    conemap__piece_set(e, "SETTINGS_ARG", 0, f[conemap__flag_settings] ? "$GIVENconemap_settings, " : "");
     out = conemap__piece_new(e, "SHADE_PARAMS", 0);
     if (f[conemap__flag_ranged]) conemap__append(out, size, ", float t_min, float t_max");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", vec4 gradient");
@@ -11331,11 +11384,11 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
     conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
     out = conemap__piece_new(e, "SHADE_ARGS", 0);
-    if (f[conemap__flag_ranged]) conemap__append(out, size, ", conemap_range.x, conemap_range.y");
+    if (f[conemap__flag_ranged]) conemap__append(out, size, ", $GIVENconemap_range.x, $GIVENconemap_range.y");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
-    if (d->atlas) conemap__append(out, size, ", conemap_rect");
-    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", conemap_map_size");
-    if (array) conemap__append(out, size, ", conemap_slice");
+    if (d->atlas) conemap__append(out, size, ", $GIVENconemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", $GIVENconemap_map_size");
+    if (array) conemap__append(out, size, ", $GIVENconemap_slice");
     conemap__piece_set(e, "TRACE_RANGE", 0, d->t_range ? ", range.x, range.y" : "");
     conemap__piece_set(e, "TRACE_MAP", 0, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
     for (k = 0; k < 6; ++k) { /* of functions that begin flights: what is put in, and what goes on to the map */
@@ -11418,7 +11471,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "COLORS_LAYOUT", 't', binding);
     binding += f[conemap__flag_colors];
     conemap__piece_set(e, "COLOR_SAMPLER", 1, f[conemap__flag_es] ? "highp sampler2D" : "sampler2D");
-    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', d->sampler_binding + f[conemap__flag_sampler]);
+    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', own ? binding : d->sampler_binding + f[conemap__flag_sampler]);
+    binding += own && f[conemap__flag_colors];
+    conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_msl] ? d->binding : binding);
     if (f[conemap__flag_vulkan] || hlsl) /* beside the arguments of the tracer */
         conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? d->binding : binding);
     for (k = 2; k < 7; ++k) {
@@ -11438,8 +11493,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
                                    : f[conemap__flag_numbers];
         if (k > 1) conemap__append_int(conemap__piece_new(e, numbers[k], 1), size, target);
         out = conemap__piece_new(e, targets[k], 0);
-        conemap__append(out, size, hlsl ? fields[k] : "conemap_target");
-        if (!hlsl) conemap__append_int(out, size, target);
+        conemap__append(out, size, f[conemap__flag_returns] ? fields[k] : "conemap_target");
+        if (!f[conemap__flag_returns]) conemap__append_int(out, size, target);
         target += there;
     }
     out = conemap__piece_new(e, "NUMBERS", 0);
@@ -11448,9 +11503,12 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__append(out, size, lod ? "s.level, " : "0.0f, ");
     conemap__append(out, size, f[conemap__flag_fade] ? "s.fade" : "0.0f");
     conemap__piece_set(e, "SV_DEPTH", 1,
-                       f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
-                       : f[conemap__flag_less]  ? "SV_DepthLessEqual"
-                                                : "SV_Depth");
+                       f[conemap__flag_msl]       ? (f[conemap__flag_greater] ? "greater"
+                                                     : f[conemap__flag_less]  ? "less"
+                                                                              : "any")
+                       : f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
+                       : f[conemap__flag_less]    ? "SV_DepthLessEqual"
+                                                  : "SV_Depth");
 }
 
 static void conemap__write_resources(conemap__emitter *e) {
