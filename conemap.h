@@ -842,6 +842,23 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    and the arguments.
    Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked
    for; and the depth. Fragments that hit nothing are discarded.
+
+   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the order
+   of the text.
+     - WGSL: everything of the text is @group(`set`), bindings follow each other from `binding` on in the order of the
+       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has no
+       prototypes. select() looks at both sides of what is ?: elsewhere: nothing is missed by that. depth_bound, and the
+       formats of storage textures that WebGPU lacks at its core (16-bit ones and one or two channels of 8 bits;
+       KERNEL_STORE in COMPUTE), are UNSUPPORTED.
+     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures, the
+       sampler and, in whole shaders, the arguments, in this order:
+           conemap_shader shader = {texture};
+           auto hit = shader.conemap_trace(origin, direction);
+       Entry points take [[texture(n)]] from `binding` on, [[sampler(n)]] from sampler_binding on and [[buffer(n)]] from
+       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are [[user(locn0)]]
+       and so on). With `external` or a host's fetch there is no struct and no #include: the text is to be put into a struct
+       of the host's, which has the textures and those functions as members; FUNCTIONS only. Compile without fast math
+       (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
@@ -855,8 +872,8 @@ typedef enum conemap_dialect {
     CONEMAP_HLSL_60,
     CONEMAP_C99,             /* for tests, tools and a debugger of the CPU; needs a `fetch`, FUNCTIONS only. Give it a
                                 prefix where conemap.h is included */
-    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above */
-    CONEMAP_MSL,             /* Metal 2 */
+    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above. Not conemap_emit_frusta */
+    CONEMAP_MSL,             /* Metal 2. Not conemap_emit_frusta */
     CONEMAP_DIALECT_COUNT
 } conemap_dialect;
 
@@ -914,14 +931,14 @@ typedef struct conemap_shader_desc {
     conemap_precision precision;
     int external;              /* nonzero: the host declares the textures and the sampler itself; FUNCTIONS only */
     int set, binding, sampler_binding; /* the first texture's; further ones follow. Binding: GLSL 430 and up, ES 310,
-                                  HLSL (registers t and s). Set: Vulkan; HLSL 6.0 (space) */
+                                  HLSL (registers t and s), WGSL, MSL. Set: Vulkan; HLSL 6.0 (space); WGSL (group) */
     const char *prefix;        /* of every emitted name; null: "conemap" */
     const char *map_name;      /* textures and sampler; null: prefix_map, prefix_octants, prefix_heights, prefix_maxima,
                                   prefix_sampler */
     const char *octants_name;  /* 8 sectors: the map's second texture */
     const char *heights_name;  /* CONE_ONLY and sectors: the heights, in the first channel; the host's or the map's */
     const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
-    const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
+    const char *sampler_name;  /* HLSL, WGSL, MSL, with GATHER and HARDWARE */
     const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
                                   map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height
                                   and stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float
@@ -937,7 +954,8 @@ typedef struct conemap_shader_desc {
    text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
-   (a number out of range; a name that is no identifier, equals another or is a word of the text itself); UNSUPPORTED
+   (a number out of range; a name that is no identifier, equals another or is a word of the text itself; in WGSL also
+   names so long that a function exceeds 16 KB); UNSUPPORTED
    (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
    nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
@@ -11140,7 +11158,7 @@ static const char conemap__shade_resources[] =
     "?holes \n"
     "?colors,!holes \n";
 
-static const char conemap__shade_main[] =
+static const char conemap__shade_interface[] =
     "?glsl $IN_0in vec3 conemap_origin;    // of the ray, in the world\n"
     "?glsl $IN_1in vec3 conemap_direction; // t = 1 at the fragment, say\n"
     "?glsl $IN_2in vec3 conemap_frame_tangent;   // the frame at the fragment\n"
@@ -11215,7 +11233,9 @@ static const char conemap__shade_main[] =
     "?msl,numbers     float4 numbers [[color($TARGET_4)]]; // shadow, occlusion, level, fade\n"
     "?msl,depth     float depth [[depth($SV_DEPTH)]];\n"
     "?returns };\n"
-    "?returns \n"
+    "?returns \n";
+
+static const char conemap__shade_main[] =
     "?hlsl conemap_targets main(conemap_inputs inputs) {\n"
     "?wgsl $ENTRY\n"
     "?wgsl fn conemap_main(inputs: conemap_inputs) -> conemap_targets {\n"
@@ -11361,9 +11381,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], lod = f[conemap__flag_lod];
     const int holes = f[conemap__flag_holes], curved = f[conemap__flag_curved], host = f[conemap__flag_host];
-    const int own = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
+    const int among = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
     int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] +
-                  (own && f[conemap__flag_sampler]);
+                  (among && f[conemap__flag_sampler]);
     int axis, end, k, target = 0;
     char *out;
     if (!f[conemap__flag_shading]) return;
@@ -11471,8 +11491,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "COLORS_LAYOUT", 't', binding);
     binding += f[conemap__flag_colors];
     conemap__piece_set(e, "COLOR_SAMPLER", 1, f[conemap__flag_es] ? "highp sampler2D" : "sampler2D");
-    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', own ? binding : d->sampler_binding + f[conemap__flag_sampler]);
-    binding += own && f[conemap__flag_colors];
+    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's',
+                            among ? binding : d->sampler_binding + f[conemap__flag_sampler]);
+    binding += among && f[conemap__flag_colors];
     conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_msl] ? d->binding : binding);
     if (f[conemap__flag_vulkan] || hlsl) /* beside the arguments of the tracer */
         conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? d->binding : binding);
@@ -11523,7 +11544,10 @@ static void conemap__write_effects(conemap__emitter *e) {
     conemap__lines(e, conemap__shade_end, 0);
     conemap__put(e, "\n", 1);
     if (e->flags[conemap__flag_colors]) conemap__snippet_named(e, "conemap_color", 13);
-    if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_main, 0);
+    if (e->flags[conemap__flag_fragment]) {
+        conemap__lines(e, conemap__shade_interface, 0);
+        conemap__lines(e, conemap__shade_main, 0);
+    }
 }
 
 /* ======================================================================================================

@@ -160,12 +160,14 @@ static void wrap_new(const conemap_shader_desc *d)
         sprintf(call, "%s", d->prefix ? "plain" : "conemap_sampler");
         sprintf(line, wgsl ? "@group(0) @binding(13) var %s: sampler;\n" : "sampler %s;\n", call);
         put(line);
+    }
+    if (d->flags && (d->external || own)) {
         sprintf(line,
                 wgsl ? "@group(0) @binding(14) var %s_colors: texture_2d<f32>;\n"
                        "@group(0) @binding(15) var %s_color_sampler: sampler;\n"
                      : "texture2d<float> %s_colors;\nsampler %s_color_sampler;\n",
                 p, p);
-        if (d->flags) put(line);
+        put(line);
     }
     put(text);
     if (d->fetch) {
