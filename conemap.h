@@ -842,6 +842,23 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    and the arguments.
    Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked
    for; and the depth. Fragments that hit nothing are discarded.
+
+   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the order
+   of the text.
+     - WGSL: everything of the text is @group(`set`), bindings follow each other from `binding` on in the order of the
+       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has no
+       prototypes. select() looks at both sides of what is ?: elsewhere: nothing is missed by that. depth_bound, and the
+       formats of storage textures that WebGPU lacks at its core (16-bit ones and one or two channels of 8 bits;
+       KERNEL_STORE in COMPUTE), are UNSUPPORTED.
+     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures, the
+       sampler and, in whole shaders, the arguments, in this order:
+           conemap_shader shader = {texture};
+           auto hit = shader.conemap_trace(origin, direction);
+       Entry points take [[texture(n)]] from `binding` on, [[sampler(n)]] from sampler_binding on and [[buffer(n)]] from
+       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are [[user(locn0)]]
+       and so on). With `external` or a host's fetch there is no struct and no #include: the text is to be put into a struct
+       of the host's, which has the textures and those functions as members; FUNCTIONS only. Compile without fast math
+       (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
@@ -855,6 +872,8 @@ typedef enum conemap_dialect {
     CONEMAP_HLSL_60,
     CONEMAP_C99,             /* for tests, tools and a debugger of the CPU; needs a `fetch`, FUNCTIONS only. Give it a
                                 prefix where conemap.h is included */
+    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above. Not conemap_emit_frusta */
+    CONEMAP_MSL,             /* Metal 2. Not conemap_emit_frusta */
     CONEMAP_DIALECT_COUNT
 } conemap_dialect;
 
@@ -912,14 +931,14 @@ typedef struct conemap_shader_desc {
     conemap_precision precision;
     int external;              /* nonzero: the host declares the textures and the sampler itself; FUNCTIONS only */
     int set, binding, sampler_binding; /* the first texture's; further ones follow. Binding: GLSL 430 and up, ES 310,
-                                  HLSL (registers t and s). Set: Vulkan; HLSL 6.0 (space) */
+                                  HLSL (registers t and s), WGSL, MSL. Set: Vulkan; HLSL 6.0 (space); WGSL (group) */
     const char *prefix;        /* of every emitted name; null: "conemap" */
     const char *map_name;      /* textures and sampler; null: prefix_map, prefix_octants, prefix_heights, prefix_maxima,
                                   prefix_sampler */
     const char *octants_name;  /* 8 sectors: the map's second texture */
     const char *heights_name;  /* CONE_ONLY and sectors: the heights, in the first channel; the host's or the map's */
     const char *maxima_name;   /* MAXMIP, QDM: see conemap_write_maxima */
-    const char *sampler_name;  /* HLSL, with GATHER and HARDWARE */
+    const char *sampler_name;  /* HLSL, WGSL, MSL, with GATHER and HARDWARE */
     const char *fetch;         /* null: from the textures; or a function of the host, which gets whole texels inside the
                                   map, `vec2 NAME(int i, int j)`, or with HARDWARE `vec2 NAME(float u, float v)`: height
                                   and stored cone; without cones (LINEAR, MAXMIP, QDM) and with sectors `float
@@ -935,7 +954,8 @@ typedef struct conemap_shader_desc {
    text: receives the text and a closing zero, `capacity` bytes at most; null: only the size is asked for.
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
-   (a number out of range; a name that is no identifier, equals another or is a word of the text itself); UNSUPPORTED
+   (a number out of range; a name that is no identifier, equals another or is a word of the text itself; in WGSL also
+   names so long that a function exceeds 16 KB); UNSUPPORTED
    (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
    nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
@@ -7773,6 +7793,7 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
    unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
      @move         lines that several tracers share; @<move the same, written four spaces to the left
+     @> and @<     from here on four spaces to the right; no longer
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
    ====================================================================================================== */
@@ -7793,7 +7814,8 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
     X(ranged) X(after) X(beside)                                                                                    \
-    X(relaxed) X(proven) X(roomy) X(together) X(bare)
+    X(relaxed) X(proven) X(roomy) X(together) X(bare)                                                               \
+    X(wgsl) X(msl) X(returns) X(given) X(wrapped)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -8433,6 +8455,40 @@ static const char conemap__trace_tail[] =
     "?!any,!bare     return result;\n"
     "}\n";
 
+/* MSL has no textures of the file: functions are those of a struct that holds them. What it holds, and how the entry
+   point gets it and hands it on. */
+static const char conemap__fields_text[] =
+    "?uses_map $TEXTURE<float> $MAP_NAME;\n"
+    "?uses_octants $TEXTURE<float> $OCTANTS_NAME;\n"
+    "?uses_heights $TEXTURE<float> $HEIGHTS_NAME;\n"
+    "?uses_maxima $TEXTURE<float> $MAXIMA_NAME;\n"
+    "?sampler sampler $SAMPLER_NAME;\n"
+    "?holes $TEXTURE<float> conemap_alpha;\n"
+    "?colors texture2d<float> conemap_colors;\n"
+    "?colors sampler conemap_color_sampler;\n";
+
+static const char conemap__parameters_text[] =
+    "?uses_map     $TEXTURE<float> $MAP_NAME$MAP_LAYOUT,\n"
+    "?uses_octants     $TEXTURE<float> $OCTANTS_NAME$OCTANTS_LAYOUT,\n"
+    "?uses_heights     $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT,\n"
+    "?uses_maxima     $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT,\n"
+    "?sampler     sampler $SAMPLER_NAME$SAMPLER_LAYOUT,\n"
+    "?holes     $TEXTURE<float> conemap_alpha$ALPHA_LAYOUT,\n"
+    "?colors     texture2d<float> conemap_colors$COLORS_LAYOUT,\n"
+    "?colors     sampler conemap_color_sampler$COLOR_SAMPLER_LAYOUT,\n"
+    "?arguments     constant conemap_shader::conemap_arguments &conemap_given$GIVEN_LAYOUT,\n";
+
+static const char conemap__names_text[] =
+    "?uses_map         $MAP_NAME,\n"
+    "?uses_octants         $OCTANTS_NAME,\n"
+    "?uses_heights         $HEIGHTS_NAME,\n"
+    "?uses_maxima         $MAXIMA_NAME,\n"
+    "?sampler         $SAMPLER_NAME,\n"
+    "?holes         conemap_alpha,\n"
+    "?colors         conemap_colors,\n"
+    "?colors         conemap_color_sampler,\n"
+    "?arguments         conemap_given,\n";
+
 /* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
 typedef struct conemap__word {
     const char *word, *hlsl, *hlsl_call, *c, *c_call;
@@ -8465,6 +8521,21 @@ static const conemap__word conemap__words[] = {
     {"normalize", "normalize", "normalize", "normalize", "conemap_normalize"},
 };
 
+/* And of WGSL and MSL; null: as in HLSL or, for WGSL, as it is. */
+static const char *const conemap__new_words[][3] = {
+    {"vec2", "vec2f", NULL},
+    {"vec3", "vec3f", NULL},
+    {"vec4", "vec4f", NULL},
+    {"ivec2", "vec2i", NULL},
+    {"ivec4", "vec4i", NULL},
+    {"mat4", "mat4x4f", NULL},
+    {"float", "f32", NULL},
+    {"int", "i32", NULL},
+    {"uint", "u32", NULL},
+    {"discard", NULL, "discard_fragment()"},
+    {"from", "begin", NULL}, /* a reserved word */
+};
+
 /* What a name after a dollar stands for. Text of the host's is raw: no word of it is changed. */
 #define CONEMAP__PIECE_SIZE 400
 typedef struct conemap__piece {
@@ -8478,6 +8549,7 @@ typedef struct conemap__piece {
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 96 /* snippets in one at most */
 #define CONEMAP__GIVEN 9       /* names that a host can give */
+#define CONEMAP__ITEM_SIZE 16384 /* the longest function of a dialect that is translated */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -8494,11 +8566,27 @@ typedef struct conemap__emitter {
     int commenting;
     int shift; /* how far lines are written to the left */
     int clash; /* a word of the text is also a name of the host's */
+    int inset, in_line; /* MSL: inside a struct all lines are written to the right; is one begun? */
+    int item_comment, item_depth;
+    size_t item_size;
+    char item[CONEMAP__ITEM_SIZE]; /* WGSL: what is collected to be translated */
 } conemap__emitter;
 
-static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
+static void conemap__write(conemap__emitter *e, const char *text, size_t length) {
     if (e->text && e->size + length < e->capacity) memcpy(e->text + e->size, text, length);
     e->size += length;
+}
+
+static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length);
+
+static void conemap__put(conemap__emitter *e, const char *text, size_t length) {
+    if (e->flags[conemap__flag_wgsl]) {
+        conemap__wgsl_collect(e, text, length);
+    } else if (length > 0) {
+        if (!e->in_line && text[0] != '\n') conemap__write(e, "    ", (size_t)e->inset);
+        conemap__write(e, text, length);
+        e->in_line = text[length - 1] != '\n';
+    }
 }
 
 static void conemap__puts(conemap__emitter *e, const char *text) { conemap__put(e, text, strlen(text)); }
@@ -8591,7 +8679,16 @@ static void conemap__snippet_named(conemap__emitter *e, const char *name, size_t
 
 /* One word of a snippet: in the first pass what it needs is written, in the second the word itself. */
 static void conemap__token(conemap__emitter *e, const char *token, size_t length, int called, int needs) {
-    int k, hlsl = e->flags[conemap__flag_hlsl], c = e->flags[conemap__flag_c];
+    int k, hlsl = e->flags[conemap__flag_hlsl] || e->flags[conemap__flag_msl], c = e->flags[conemap__flag_c];
+    for (k = 0; e->flags[conemap__flag_given] && !e->commenting &&
+                k < (int)(sizeof conemap__new_words / sizeof conemap__new_words[0]);
+         ++k) {
+        const char *const *word = conemap__new_words[k], *mine = word[e->flags[conemap__flag_wgsl] ? 1 : 2];
+        if (!mine || !conemap__same(word[0], token, length)) continue;
+        token = mine;
+        length = strlen(token);
+        break;
+    }
     for (k = 0; (hlsl || c) && !e->commenting && k < (int)(sizeof conemap__words / sizeof conemap__words[0]);
          ++k) {
         const conemap__word *word = &conemap__words[k];
@@ -8633,12 +8730,15 @@ static const char *conemap__expand(conemap__emitter *e, const char *text, int ne
         } else if (conemap__is_letter(text[0])) {
             while (conemap__is_letter(text[length]) || conemap__is_digit(text[length])) ++length;
             conemap__token(e, text, length, text[length] == '(', needs);
-        } else if (conemap__is_digit(text[0]) && !e->commenting) { /* C alone keeps the f of 1.0f */
+        } else if (conemap__is_digit(text[0]) && !e->commenting) { /* C and MSL alone keep the f of 1.0f */
             while (conemap__is_letter(text[length]) || conemap__is_digit(text[length]) || text[length] == '.' ||
                    (text[length] == '-' && text[length - 1] == 'e'))
                 ++length;
             if (!needs)
-                conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] ? length - 1 : length);
+                conemap__put(e, text, text[length - 1] == 'f' && !e->flags[conemap__flag_c] &&
+                                              !e->flags[conemap__flag_msl]
+                                          ? length - 1
+                                          : length);
         } else if (!needs) {
             conemap__put(e, text, 1);
         }
@@ -8667,10 +8767,15 @@ static void conemap__lines(conemap__emitter *e, const char *text, int needs) {
             const int shift = text[1] == '<' ? 4 : 0;
             const char kind = text[shift ? 2 : 1];
             const char *part = kind == 'm' ? conemap__move_text : kind == 's' ? conemap__surface_text
-                : conemap__cone_text;
-            e->shift += shift;
-            conemap__lines(e, part, needs);
-            e->shift -= shift;
+                : kind == 'p' ? conemap__parameters_text : kind == 'n' ? conemap__names_text
+                : kind == 'f' ? conemap__fields_text : conemap__cone_text;
+            if (!needs && (kind == '>' || kind == '\n')) {
+                e->inset = kind == '>' ? 4 : 0;
+            } else if (kind != '>' && kind != '\n') {
+                e->shift += shift;
+                conemap__lines(e, part, needs);
+                e->shift -= shift;
+            }
             while (*text && *text != '\n') ++text;
         } else if (wanted) {
             int k;
@@ -8730,9 +8835,20 @@ static const char conemap__head_text[] =
     "?host,sectors // $FETCH_CONES_NAME: the host's; the cone as stored, for a sector\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
+    "?wrapped #include <metal_stdlib>\n"
+    "?wrapped using namespace metal;\n"
     "?!bare \n"
+    "?bare,msl \n"
+    "?wrapped struct conemap_shader {\n"
+    "?wrapped @>\n"
+    "?wrapped @fields\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
+    "?uses_map,!external,wgsl $MAP_LAYOUTvar $MAP_NAME: $TEXTURE<f32>;\n"
+    "?uses_octants,!external,wgsl $OCTANTS_LAYOUTvar $OCTANTS_NAME: $TEXTURE<f32>;\n"
+    "?uses_heights,!external,wgsl $HEIGHTS_LAYOUTvar $HEIGHTS_NAME: $TEXTURE<f32>;\n"
+    "?uses_maxima,!external,wgsl $MAXIMA_LAYOUTvar $MAXIMA_NAME: $TEXTURE<f32>;\n"
+    "?sampler,!external,wgsl $SAMPLER_LAYOUTvar $SAMPLER_NAME: sampler;\n"
     "?uses_map,!external,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_octants,!external,glsl $OCTANTS_LAYOUTuniform $SAMPLER $OCTANTS_NAME;\n"
     "?uses_heights,!external,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
@@ -8741,7 +8857,7 @@ static const char conemap__head_text[] =
     "?uses_octants,!external,hlsl $TEXTURE<$MAP_TYPE> $OCTANTS_NAME$OCTANTS_LAYOUT;\n"
     "?uses_heights,!external,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,!external,hlsl $TEXTURE<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
-    "?sampler,!external SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?sampler,!external,hlsl SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
     "\n";
 
 static const char conemap__host_text[] =
@@ -8759,6 +8875,7 @@ static const char conemap__fragment_text[] =
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,arguments struct conemap_arguments {\n"
     "?arguments,t_range $UNIFORMvec2 conemap_range; // t_min, t_max\n"
     "?arguments,cap $UNIFORMint conemap_max_steps;\n"
     "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
@@ -8766,34 +8883,64 @@ static const char conemap__fragment_text[] =
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
+    "?given,arguments };\n"
+    "?wgsl,arguments $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,arguments conemap_arguments conemap_given;\n"
     "?!bare \n"
-    "?hlsl,debug struct conemap_targets {\n"
+    "?returns,debug struct conemap_targets {\n"
     "?hlsl,debug     float4 color : SV_Target0; // u, v, z, t\n"
     "?hlsl,debug     float4 debug : SV_Target1; // steps, status\n"
-    "?hlsl,debug };\n"
-    "?hlsl,debug \n"
+    "?wgsl,debug     @location(0) color: vec4f, // u, v, z, t\n"
+    "?wgsl,debug     @location(1) debug: vec4f, // steps, status\n"
+    "?msl,debug     float4 color [[color(0)]]; // u, v, z, t\n"
+    "?msl,debug     float4 debug [[color(1)]]; // steps, status\n"
+    "?returns,debug };\n"
+    "?returns,debug \n"
     "?hlsl,debug conemap_targets main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) {\n"
     "?hlsl,!debug float4 main(float3 origin : TEXCOORD0, float3 direction : TEXCOORD1) : SV_Target0 {\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl,debug fn conemap_main(@location(0) origin: vec3f, @location(1) direction: vec3f) -> conemap_targets {\n"
+    "?wgsl,!debug fn conemap_main(@location(0) origin: vec3f, @location(1) direction: vec3f) -> @location(0) vec4f {\n"
+    "?msl,debug conemap_targets conemap_run(float3 origin, float3 direction) {\n"
+    "?msl,!debug float4 conemap_run(float3 origin, float3 direction) {\n"
     "?glsl void main() {\n"
-    "?hlsl,bare     float4 hit = conemap_trace(origin, direction$ARGS);\n"
-    "?hlsl,bare     if (hit.w < 0.0f) discard;\n"
-    "?hlsl,bare     return hit;\n"
+    "?returns,bare     vec4 hit = conemap_trace(origin, direction$ARGS);\n"
+    "?returns,bare     if (hit.w < 0.0f) discard;\n"
+    "?returns,bare     return hit;\n"
     "?glsl,bare     conemap_color = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
     "?glsl,bare     if (conemap_color.w < 0.0f) discard;\n"
-    "?hlsl,!any,!bare     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
+    "?returns,!any,!bare     conemap_hit hit = conemap_trace(origin, direction$ARGS);\n"
     "?glsl,!any,!bare     conemap_hit hit = conemap_trace(conemap_origin, conemap_direction$ARGS);\n"
     "?discards,!bare     if (!hit.found) discard;\n"
     "?glsl,!any,!bare     conemap_color = vec4(hit.position, hit.t);\n"
     "?glsl,any     float light = conemap_any_hit(conemap_origin, conemap_direction$ARGS) ? 0.0f : 1.0f;\n"
     "?glsl,any     conemap_color = vec4(light, light, light, 1.0f);\n"
     "?glsl,debug     conemap_debug = vec4($DEBUG);\n"
-    "?hlsl,debug     conemap_targets targets;\n"
-    "?hlsl,debug     targets.color = vec4(hit.position, hit.t);\n"
-    "?hlsl,debug     targets.debug = vec4($DEBUG);\n"
-    "?hlsl,debug     return targets;\n"
-    "?hlsl,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
-    "?hlsl,any     return vec4(light, light, light, 1.0f);\n"
-    "}\n";
+    "?returns,debug     conemap_targets targets;\n"
+    "?returns,debug     targets.color = vec4(hit.position, hit.t);\n"
+    "?returns,debug     targets.debug = vec4($DEBUG);\n"
+    "?returns,debug     return targets;\n"
+    "?returns,!debug,!any,!bare     return vec4(hit.position, hit.t);\n"
+    "?returns,any     float light = conemap_any_hit(origin, direction$ARGS) ? 0.0f : 1.0f;\n"
+    "?returns,any     return vec4(light, light, light, 1.0f);\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl struct conemap_inputs {\n"
+    "?msl     float3 origin [[user(locn0)]];\n"
+    "?msl     float3 direction [[user(locn1)]];\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl,debug fragment conemap_shader::conemap_targets conemap_main(\n"
+    "?msl,!debug fragment float4 conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     conemap_inputs inputs [[stage_in]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(inputs.origin, inputs.direction);\n"
+    "?msl }\n";
 
 static const char conemap__compute_text[] =
     "?glsl layout(local_size_x = 64) in;\n"
@@ -8808,15 +8955,34 @@ static const char conemap__compute_text[] =
     "?hlsl,!debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit\n"
     "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; "
     "steps, status\n"
+    "?wgsl $RAYS_LAYOUTvar<storage, read> conemap_rays: array<vec4f>; // origin, t_min; direction, t_max\n"
+    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
+    "hit\n"
+    "?wgsl,debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
+    "hit; steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,arguments struct conemap_arguments {\n"
+    "?msl     uint conemap_ray_count;\n"
     "?arguments,cap $UNIFORMint conemap_max_steps;\n"
     "?arguments,atlas $UNIFORMivec4 conemap_rect;\n"
     "?arguments,size_argument $UNIFORMivec2 conemap_map_size;\n"
     "?arguments,array $UNIFORMint conemap_slice;\n"
     "?vulkan,arguments };\n"
     "?hlsl,arguments };\n"
+    "?given,arguments };\n"
+    "?wgsl,arguments $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,arguments conemap_arguments conemap_given;\n"
+    "?msl device const float4 *conemap_rays; // origin, t_min; direction, t_max\n"
+    "?msl,!debug device float4 *conemap_hits; // u, v, z, t, which is -1 without a hit\n"
+    "?msl,debug device float4 *conemap_hits; // u, v, z, t, which is -1 without a hit; steps, status\n"
     "\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(@builtin(global_invocation_id) thread: vec3u) {\n"
+    "?wgsl     uint ray = thread.x;\n"
+    "?wgsl     if (ray >= arrayLength(&conemap_rays) / 2u) return;\n"
+    "?msl void conemap_run(uint ray) {\n"
+    "?msl     if (ray >= conemap_given.conemap_ray_count) return;\n"
     "?hlsl [numthreads(64, 1, 1)]\n"
     "?hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
     "?hlsl     uint count, stride;\n"
@@ -8840,7 +9006,26 @@ static const char conemap__compute_text[] =
     "?debug     conemap_hits[2$UNSIGNED * ray + 1$UNSIGNED] = vec4($DEBUG);\n"
     "?any     conemap_hits[ray] = vec4(0.0f, 0.0f, 0.0f, met ? 0.0f : -1.0f); // the ray meets something: no "
     "telling where\n"
-    "}\n";
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl kernel void conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     device const float4 *conemap_rays$RAYS_LAYOUT,\n"
+    "?msl     device float4 *conemap_hits$HITS_LAYOUT,\n"
+    "?msl     uint ray [[thread_position_in_grid]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl         conemap_rays,\n"
+    "?msl         conemap_hits,\n"
+    "?msl     };\n"
+    "?msl     shader.conemap_run(ray);\n"
+    "?msl }\n";
+
+static const char conemap__functions_end[] =
+    "?wrapped @<\n"
+    "?wrapped };\n";
 
 /* Null is fine and stands for a default; anything else must be an identifier that every dialect takes. */
 static int conemap__is_name(const char *name) {
@@ -8904,7 +9089,11 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     e->prefix = d->prefix ? d->prefix : "conemap";
     f[conemap__flag_c] = d->dialect == CONEMAP_C99;
     f[conemap__flag_hlsl] = d->dialect == CONEMAP_HLSL_50 || d->dialect == CONEMAP_HLSL_60;
-    f[conemap__flag_glsl] = !f[conemap__flag_c] && !f[conemap__flag_hlsl];
+    f[conemap__flag_wgsl] = d->dialect == CONEMAP_WGSL;
+    f[conemap__flag_msl] = d->dialect == CONEMAP_MSL;
+    f[conemap__flag_given] = f[conemap__flag_wgsl] || f[conemap__flag_msl];
+    f[conemap__flag_returns] = f[conemap__flag_given] || f[conemap__flag_hlsl];
+    f[conemap__flag_glsl] = !f[conemap__flag_c] && !f[conemap__flag_returns];
     f[conemap__flag_es] = d->dialect == CONEMAP_ESSL_300 || d->dialect == CONEMAP_ESSL_310;
     f[conemap__flag_vulkan] = d->dialect == CONEMAP_GLSL_450_VULKAN;
     f[conemap__flag_exact] = tracer == CONEMAP_TRACE_EXACT;
@@ -8966,19 +9155,23 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     f[conemap__flag_uses_map] = !d->fetch && (f[conemap__flag_cones] || !f[conemap__flag_cone_only]);
     f[conemap__flag_uses_heights] = f[conemap__flag_cone_only];
     f[conemap__flag_uses_maxima] = f[conemap__flag_blocks] && !d->fetch_maxima;
-    f[conemap__flag_sampler] = f[conemap__flag_hlsl] && !d->fetch && d->filter != CONEMAP_FILTER_FETCH;
+    f[conemap__flag_wrapped] = /* else the host has a struct of its own */
+        f[conemap__flag_msl] && !d->external && !d->fetch && !f[conemap__flag_host_maxima];
+    f[conemap__flag_sampler] = f[conemap__flag_returns] && !d->fetch && d->filter != CONEMAP_FILTER_FETCH;
     f[conemap__flag_located] = d->dialect != CONEMAP_GLSL_330 && d->dialect != CONEMAP_ESSL_300;
     f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_STAGE_FUNCTIONS;
     f[conemap__flag_discards] = f[conemap__flag_fragment] && !f[conemap__flag_any] && !f[conemap__flag_status];
     f[conemap__flag_arguments] = f[conemap__flag_cap] || f[conemap__flag_atlas] || f[conemap__flag_array] ||
                                  f[conemap__flag_size_argument] ||
-                                 (f[conemap__flag_t_range] && !f[conemap__flag_compute]);
+                                 (f[conemap__flag_t_range] && !f[conemap__flag_compute]) ||
+                                 (f[conemap__flag_msl] && f[conemap__flag_compute]);
     {
         int old = !f[conemap__flag_located], exact = f[conemap__flag_solves];
         if ((old &&
              (d->stage == CONEMAP_STAGE_COMPUTE || d->filter == CONEMAP_FILTER_GATHER || d->binding != 0)) ||
-            (d->set != 0 && !f[conemap__flag_vulkan] && d->dialect != CONEMAP_HLSL_60) ||
-            (d->sampler_binding != 0 && !f[conemap__flag_hlsl]) ||
+            (d->set != 0 && !f[conemap__flag_vulkan] && !f[conemap__flag_wgsl] && d->dialect != CONEMAP_HLSL_60) ||
+            (d->sampler_binding != 0 && !f[conemap__flag_returns]) ||
+            (f[conemap__flag_msl] && !f[conemap__flag_wrapped] && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
             (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
             (f[conemap__flag_c] && (d->stage != CONEMAP_STAGE_FUNCTIONS || !d->fetch || d->binding != 0)) ||
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
@@ -8994,22 +9187,82 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
     return conemap__resolve_emitted_effects(e);
 }
 
-/* An expression that reads a texture: `place` is what the dialect wants between the brackets. */
-static void conemap__read_texture(conemap__emitter *e, char *out, const char *texture, const char *how,
-                                  const char *place, const char *swizzle) {
-    if (e->flags[conemap__flag_hlsl]) {
-        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
-        conemap__append(out, CONEMAP__PIECE_SIZE, how);
-        conemap__append(out, CONEMAP__PIECE_SIZE, place);
-    } else {
-        conemap__append(out, CONEMAP__PIECE_SIZE, how);
-        conemap__append(out, CONEMAP__PIECE_SIZE, texture);
-        conemap__append(out, CONEMAP__PIECE_SIZE, place);
-    }
+/* Appends texts until a null one. */
+static void conemap__append_all(char *out, const char *const *texts) {
+    for (; *texts; ++texts) conemap__append(out, CONEMAP__PIECE_SIZE, *texts);
+}
+
+/* An expression that reads a texel. layer: of an array, or null. */
+static void conemap__read_texel(conemap__emitter *e, char *out, const char *texture, const char *i, const char *j,
+                                const char *layer, const char *level, const char *swizzle) {
+    const unsigned char *f = e->flags;
+    const char *comma = layer ? ", " : "", *texts[14] = {NULL};
+    int n = 0;
+    if (f[conemap__flag_hlsl] || f[conemap__flag_msl]) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? (layer ? ".Load(int4(" : ".Load(int3(")
+                 : f[conemap__flag_msl]  ? ".read(uint2("
+                 : f[conemap__flag_wgsl] ? "textureLoad("
+                                         : "texelFetch(";
+    if (f[conemap__flag_glsl] || f[conemap__flag_wgsl]) texts[n++] = texture;
+    if (f[conemap__flag_wgsl]) texts[n++] = ", ivec2(";
+    if (f[conemap__flag_glsl]) texts[n++] = layer ? ", ivec3(" : ", ivec2(";
+    texts[n++] = i;
+    texts[n++] = ", ";
+    texts[n++] = j;
+    if (f[conemap__flag_given]) texts[n++] = ")";
+    texts[n++] = comma;
+    texts[n++] = layer ? layer : "";
+    texts[n++] = f[conemap__flag_glsl] ? "), " : ", ";
+    texts[n++] = level;
+    texts[n] = f[conemap__flag_hlsl] ? "))" : ")";
+    conemap__append_all(out, texts);
     conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
 }
 
-/* layout(...), : register(...) for the next resource. */
+/* An expression that filters. point: where; the slice is `slice`. */
+static void conemap__sample_texture(conemap__emitter *e, char *out, const char *texture, const char *point,
+                                    const char *swizzle) {
+    const unsigned char *f = e->flags;
+    const int array = f[conemap__flag_array], member = f[conemap__flag_hlsl] || f[conemap__flag_msl];
+    const char *texts[10] = {NULL};
+    int n = 0;
+    if (member) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? ".SampleLevel("
+                 : f[conemap__flag_msl]  ? ".sample("
+                 : f[conemap__flag_wgsl] ? "textureSampleLevel("
+                                         : "textureLod(";
+    if (!member) texts[n++] = texture;
+    if (!member) texts[n++] = ", ";
+    if (!f[conemap__flag_glsl]) texts[n++] = "$SAMPLER_NAME, ";
+    if (array && !f[conemap__flag_given]) texts[n++] = "vec3(";
+    texts[n++] = point;
+    if (array) texts[n++] = f[conemap__flag_given] ? ", slice" : ", float(slice))";
+    texts[n] = f[conemap__flag_msl] ? ", metal::level(0.0f))" : ", 0.0)";
+    conemap__append_all(out, texts);
+    conemap__append(out, CONEMAP__PIECE_SIZE, swizzle);
+}
+
+/* The four texels around uv, in the first or the second channel. */
+static void conemap__gather_texture(conemap__emitter *e, char *out, const char *texture, int green) {
+    const unsigned char *f = e->flags;
+    const int array = f[conemap__flag_array], member = f[conemap__flag_hlsl] || f[conemap__flag_msl];
+    const char *texts[10] = {NULL};
+    int n = 0;
+    if (member) texts[n++] = texture;
+    texts[n++] = f[conemap__flag_hlsl]   ? (green ? ".GatherGreen(" : ".GatherRed(")
+                 : f[conemap__flag_msl]  ? ".gather("
+                 : f[conemap__flag_wgsl] ? (green ? "textureGather(1, " : "textureGather(0, ")
+                                         : "textureGather(";
+    if (!member) texts[n++] = texture;
+    if (!member) texts[n++] = ", ";
+    if (!f[conemap__flag_glsl]) texts[n++] = "$SAMPLER_NAME, ";
+    texts[n++] = !array ? "uv" : f[conemap__flag_given] ? "uv, slice" : "vec3(uv, float(slice))";
+    if (f[conemap__flag_msl]) texts[n++] = green ? ", int2(0, 0), component::y" : ", int2(0, 0), component::x";
+    texts[n] = f[conemap__flag_glsl] && green ? ", 1)" : ")";
+    conemap__append_all(out, texts);
+}
+
+/* layout(...), : register(...), @group(...) or [[...]] for the next resource. */
 static void conemap__place_resource(conemap__emitter *e, const char *name, char kind, int number) {
     char *out = conemap__piece_new(e, name, 1);
     const size_t size = CONEMAP__PIECE_SIZE;
@@ -9025,6 +9278,16 @@ static void conemap__place_resource(conemap__emitter *e, const char *name, char 
             conemap__append_int(out, size, e->desc.set);
         }
         conemap__append(out, size, ")");
+    } else if (e->flags[conemap__flag_wgsl]) {
+        conemap__append(out, size, "@group(");
+        conemap__append_int(out, size, e->desc.set);
+        conemap__append(out, size, ") @binding(");
+        conemap__append_int(out, size, number);
+        conemap__append(out, size, ") ");
+    } else if (e->flags[conemap__flag_msl]) {
+        conemap__append(out, size, kind == 't' ? " [[texture(" : kind == 's' ? " [[sampler(" : " [[buffer(");
+        conemap__append_int(out, size, number);
+        conemap__append(out, size, ")]]");
     } else if (e->flags[conemap__flag_located]) {
         conemap__append(out, size, kind == 'b' ? ", " : "layout(");
         if (e->flags[conemap__flag_vulkan]) {
@@ -9049,7 +9312,7 @@ static const char *conemap__resource_name(conemap__emitter *e, int index, const 
 /* Says what every piece stands for. */
 static void conemap__make_pieces(conemap__emitter *e) {
     static const char *const versions[CONEMAP_DIALECT_COUNT] = {
-        "330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", ""};
+        "330 core", "430 core", "450 core", "450", "300 es", "310 es", "", "", "", "", ""};
     static const char *const tracers[CONEMAP_TRACER_COUNT] = {"exact",    "exact",      "linear",
                                                               "fixed",    "loop",       "exact-step",
                                                               "cell-max", "max-mipmap", "quadtree displacement"};
@@ -9064,11 +9327,12 @@ static void conemap__make_pieces(conemap__emitter *e) {
               unorm = d->map.texture.format >= CONEMAP_UNORM16;
     const char *map = "$MAP_NAME",
                *heights = "$HEIGHTS_NAME"; /* pieces, so that no word of a host's name is changed */
+    const char *given = f[conemap__flag_given] ? "conemap_given." : "", *layer = array ? "slice" : NULL;
     const char *height_texture = f[conemap__flag_cone_only] ? heights : map;
     const char *octants = "$OCTANTS_NAME";
     const int both = f[conemap__flag_both], filtered = f[conemap__flag_hardware] && !f[conemap__flag_per_cell];
     const char *cone_swizzle = f[conemap__flag_cone_only] ? ".r" : ".g";
-    const char *w = "size.x", *h = "size.y", *fetch, *sample, *uv, *point, *gathers, *texel;
+    const char *w = "size.x", *h = "size.y";
     char number_w[16], number_h[16];
     char *out;
     int binding = d->binding, k;
@@ -9127,17 +9391,20 @@ static void conemap__make_pieces(conemap__emitter *e) {
     if (array) conemap__append(out, size, ", slice");
     out = conemap__piece_new(e, "ARGS", 0); /* of the call in main */
     if (d->t_range && d->stage == CONEMAP_STAGE_FRAGMENT)
-        conemap__append(out, size, ", conemap_range.x, conemap_range.y");
-    if (d->run_time_cap) conemap__append(out, size, ", conemap_max_steps");
-    if (d->atlas) conemap__append(out, size, ", conemap_rect");
-    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", conemap_map_size");
-    if (array) conemap__append(out, size, ", conemap_slice");
+        conemap__append(out, size, ", $GIVENconemap_range.x, $GIVENconemap_range.y");
+    if (d->run_time_cap) conemap__append(out, size, ", $GIVENconemap_max_steps");
+    if (d->atlas) conemap__append(out, size, ", $GIVENconemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", $GIVENconemap_map_size");
+    if (array) conemap__append(out, size, ", $GIVENconemap_slice");
+    conemap__piece_set(e, "GIVEN", 0, given);
     conemap__piece_set(e, "STRUCT", 0, f[conemap__flag_c] ? "typedef struct" : "struct");
     conemap__piece_set(e, "FN", 1, f[conemap__flag_c] ? "static " : "");
 
     out = conemap__piece_new(e, "SIZE_ASKED", 0);
     conemap__append(out, size,
-                    hlsl    ? "conemap_size()"
+                    hlsl                    ? "conemap_size()"
+                    : f[conemap__flag_wgsl] ? "ivec2(textureDimensions($ANY_TEXTURE))"
+                    : f[conemap__flag_msl]  ? "ivec2($ANY_TEXTURE.get_width(), $ANY_TEXTURE.get_height())"
                     : array ? "textureSize($ANY_TEXTURE, 0).xy"
                             : "textureSize($ANY_TEXTURE, 0)");
 
@@ -9239,10 +9506,6 @@ static void conemap__make_pieces(conemap__emitter *e) {
                                                     : "clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1)");
 
     /* Texture reads. */
-    fetch = hlsl ? ".Load" : "texelFetch(";
-    texel = hlsl    ? (array ? "(int4($I, $J, slice, $LOD))" : "(int3($I, $J, $LOD))")
-            : array ? ", ivec3($I, $J, slice), $LOD)"
-                    : ", ivec2($I, $J), $LOD)";
     for (k = 0; k < 2; ++k) { /* the texel of an index, inside the map and the atlas */
         out = conemap__piece_new(e, k == 0 ? "I" : "J", 0);
         if (d->atlas) conemap__append(out, size, k == 0 ? "rect.x + " : "rect.y + ");
@@ -9251,25 +9514,20 @@ static void conemap__make_pieces(conemap__emitter *e) {
                             ? (k == 0 ? "conemap_repeat(i, $W)" : "conemap_repeat(j, $H)")
                             : (k == 0 ? "clamp(i, 0, $W - 1)" : "clamp(j, 0, $H - 1)"));
     }
-    sample = hlsl ? ".SampleLevel($SAMPLER_NAME" : "textureLod(";
-    uv = hlsl    ? (array ? ", float3(uv, float(slice)), 0.0)" : ", uv, 0.0)")
-         : array ? ", vec3(uv, float(slice)), 0.0)"
-                 : ", uv, 0.0)";
-    point = array ? ", vec3(u, v, float(slice)), 0.0)" : ", vec2(u, v), 0.0)";
     out = conemap__piece_new(e, "TEXEL", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, "($I, $J$LAYER)");
     } else if (f[conemap__flag_cone_texel]) {
-        conemap__read_texture(e, out, map, fetch, texel, cone_swizzle);
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", cone_swizzle);
     } else if (!both) {
-        conemap__read_texture(e, out, height_texture, fetch, texel, ".r");
+        conemap__read_texel(e, out, height_texture, "$I", "$J", layer, "$LOD", ".r");
     } else if (f[conemap__flag_cone_only]) {
-        conemap__append(out, size, hlsl ? "float2(" : "vec2(");
-        conemap__read_texture(e, out, heights, fetch, texel, ".r, ");
-        conemap__read_texture(e, out, map, fetch, texel, ".r)");
+        conemap__append(out, size, "vec2(");
+        conemap__read_texel(e, out, heights, "$I", "$J", layer, "$LOD", ".r, ");
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", ".r)");
     } else {
-        conemap__read_texture(e, out, map, fetch, texel, ".rg");
+        conemap__read_texel(e, out, map, "$I", "$J", layer, "$LOD", ".rg");
     }
     conemap__piece_set(e, "CONE_PARAMS", 0,
                        filtered ? "$FETCH_PLACE, int sector$SLICE_PARAM" : "int i, int j, int sector$MAP_PARAMS");
@@ -9278,50 +9536,36 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        filtered ? (array ? "$FETCH_CONES_NAME(u, v, sector, slice)" : "$FETCH_CONES_NAME(u, v, sector)")
                        : array  ? "$FETCH_CONES_NAME($I, $J, sector, slice)"
                                 : "$FETCH_CONES_NAME($I, $J, sector)");
-    for (k = 0; k < 2; ++k)
-        conemap__read_texture(e, conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0), k == 0 ? map : octants,
-                              filtered ? sample : fetch, filtered ? point : texel, "");
+    for (k = 0; k < 2; ++k) {
+        out = conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0);
+        if (filtered)
+            conemap__sample_texture(e, out, k == 0 ? map : octants, "vec2(u, v)", "");
+        else
+            conemap__read_texel(e, out, k == 0 ? map : octants, "$I", "$J", layer, "$LOD", "");
+    }
     out = conemap__piece_new(e, "SAMPLE", 0);
     if (host) {
         conemap__append(out, size, "$FETCH_NAME");
         conemap__append(out, size, array ? "(uv.x, uv.y, slice)" : "(uv.x, uv.y)");
         conemap__piece_set(e, "SAMPLE_HEIGHT", 0, out);
     } else {
-        conemap__read_texture(e, out, map, sample, uv, ".rg");
-        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, sample, uv, ".r");
+        conemap__sample_texture(e, out, map, "uv", ".rg");
+        conemap__sample_texture(e, conemap__piece_new(e, "SAMPLE_HEIGHT", 0), height_texture, "uv", ".r");
     }
     if (both)
-        conemap__read_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, sample, uv, cone_swizzle);
+        conemap__sample_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, "uv", cone_swizzle);
     else
         conemap__piece_set(e, "SAMPLE_CONE", 0, array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
-    for (k = 0; k < 2; ++k) {
-        const int green = k == 1 && !f[conemap__flag_cone_only];
-        out = conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0);
-        if (hlsl) {
-            conemap__append(out, size, k == 0 ? height_texture : map);
-            conemap__append(out, size, green ? ".GatherGreen(" : ".GatherRed(");
-            conemap__append(out, size, "$SAMPLER_NAME");
-            conemap__append(out, size, array ? ", float3(uv, float(slice)))" : ", uv)");
-        } else {
-            gathers = array ? ", vec3(uv, float(slice))" : ", uv";
-            conemap__append(out, size, "textureGather(");
-            conemap__append(out, size, k == 0 ? height_texture : map);
-            conemap__append(out, size, gathers);
-            conemap__append(out, size, green ? ", 1)" : ")");
-        }
-    }
+    for (k = 0; k < 2; ++k)
+        conemap__gather_texture(e, conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0),
+                                k == 0 ? height_texture : map, k == 1 && !f[conemap__flag_cone_only]);
     out = conemap__piece_new(e, "MAXIMUM", 0);
     if (d->fetch_maxima) {
         conemap__append(out, size, "$FETCH_MAXIMA_NAME");
         conemap__append(out, size,
                         array ? "(cell_u >> k, cell_v >> k, k, slice)" : "(cell_u >> k, cell_v >> k, k)");
     } else {
-        conemap__read_texture(
-            e, out, "$MAXIMA_NAME", fetch,
-            hlsl ? (array ? "(int4(cell_u >> k, cell_v >> k, slice, k))" : "(int3(cell_u >> k, cell_v >> k, k))")
-            : array ? ", ivec3(cell_u >> k, cell_v >> k, slice), k)"
-                    : ", ivec2(cell_u >> k, cell_v >> k), k)",
-            ".r");
+        conemap__read_texel(e, out, "$MAXIMA_NAME", "cell_u >> k", "cell_v >> k", layer, "k", ".r");
     }
     if (f[conemap__flag_kernel]) {
         conemap__piece_set(e, "FIRST_CELL_U", 0, d->map.wrap_u == CONEMAP_CLAMP ? "i - 1" : "i");
@@ -9365,16 +9609,15 @@ static void conemap__make_pieces(conemap__emitter *e) {
         if (d->fetch_maxima)
             conemap__piece_set(e, "MAXIMUM_AT", 0, "$FETCH_MAXIMA_NAME(x, y, k)");
         else
-            conemap__read_texture(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", fetch,
-                                  hlsl ? "(int3(x, y, k))" : ", ivec2(x, y), k)", ".r");
-        conemap__piece_set(e, "KEPT", 0,
-                           f[conemap__flag_host_state] ? "$FETCH_CONES_NAME(i, j$SECTOR)"
-                           : hlsl                      ? "$MAP_NAME.Load(int3(i, j, 0))$CHANNEL"
-                                                       : "texelFetch($MAP_NAME, ivec2(i, j), 0)$CHANNEL");
-        conemap__piece_set(e, "SLOPE", 0,
-                           f[conemap__flag_host_state] ? "$FETCH_CONES_NAME($I, $J$SECTOR)"
-                           : hlsl                      ? "$MAP_NAME.Load(int3($I, $J, 0))$CHANNEL"
-                                                       : "texelFetch($MAP_NAME, ivec2($I, $J), 0)$CHANNEL");
+            conemap__read_texel(e, conemap__piece_new(e, "MAXIMUM_AT", 0), "$MAXIMA_NAME", "x", "y", NULL, "k", ".r");
+        for (k = 0; k < 2; ++k) {
+            out = conemap__piece_new(e, k == 0 ? "KEPT" : "SLOPE", 0);
+            if (f[conemap__flag_host_state])
+                conemap__append(out, size, k == 0 ? "$FETCH_CONES_NAME(i, j$SECTOR)" : "$FETCH_CONES_NAME($I, $J$SECTOR)");
+            else
+                conemap__read_texel(e, out, "$MAP_NAME", k == 0 ? "i" : "$I", k == 0 ? "j" : "$J", NULL, "0",
+                                    "$CHANNEL");
+        }
         conemap__append_float(conemap__piece_new(e, "ASPECT", 0), size, d->map.aspect);
         conemap__piece_set(e, "SCALE_MAX", 0, d->map.texture.format == CONEMAP_UNORM8 ? "255.0f" : "65535.0f");
     }
@@ -9426,7 +9669,10 @@ static void conemap__make_pieces(conemap__emitter *e) {
                         d->map.texture.format == CONEMAP_UNORM8 && d->precision == CONEMAP_MEDIUMP ? "mediump "
                                                                                                    : "highp ");
     conemap__append(out, size, array ? "sampler2DArray" : "sampler2D");
-    conemap__piece_set(e, "TEXTURE", 1, array ? "Texture2DArray" : "Texture2D");
+    conemap__piece_set(e, "TEXTURE", 1,
+                       f[conemap__flag_wgsl]  ? (array ? "texture_2d_array" : "texture_2d")
+                       : f[conemap__flag_msl] ? (array ? "texture2d_array" : "texture2d")
+                                              : (array ? "Texture2DArray" : "Texture2D"));
     out = conemap__piece_new(e, "MAP_TYPE", 1);
     if (unorm) conemap__append(out, size, "unorm ");
     conemap__append(out, size,
@@ -9442,14 +9688,22 @@ static void conemap__make_pieces(conemap__emitter *e) {
     binding += f[conemap__flag_uses_heights];
     conemap__place_resource(e, "MAXIMA_LAYOUT", 't', binding);
     binding += f[conemap__flag_uses_maxima];
-    conemap__place_resource(e, "SAMPLER_LAYOUT", 's', d->sampler_binding);
+    k = f[conemap__flag_wgsl] && f[conemap__flag_sampler] && d->sampler_binding == 0;
+    conemap__place_resource(e, "SAMPLER_LAYOUT", 's', k ? binding : d->sampler_binding);
+    binding = f[conemap__flag_msl] ? d->binding : binding + k; /* buffers of MSL count by themselves */
     conemap__place_resource(e, "RAYS_LAYOUT", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "HITS_LAYOUT", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
+    if (!f[conemap__flag_kernel] && !f[conemap__flag_shading])
+        conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_compute] ? binding + 2 : binding);
+    conemap__piece_set(e, "ENTRY", 1,
+                       !f[conemap__flag_compute]  ? "@fragment"
+                       : f[conemap__flag_kernel] ? "@compute @workgroup_size(8, 8)"
+                                                 : "@compute @workgroup_size(64)");
     conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
     conemap__piece_set(e, "IN_0", 1, f[conemap__flag_located] ? "layout(location = 0) " : "");
     conemap__piece_set(e, "IN_1", 1, f[conemap__flag_located] ? "layout(location = 1) " : "");
-    conemap__piece_set(e, "UNIFORM", 1, hlsl || f[conemap__flag_vulkan] ? "    " : "uniform ");
-    conemap__piece_set(e, "UNSIGNED", 1, hlsl ? "u" : "");
+    conemap__piece_set(e, "UNIFORM", 1, f[conemap__flag_returns] || f[conemap__flag_vulkan] ? "    " : "uniform ");
+    conemap__piece_set(e, "UNSIGNED", 1, f[conemap__flag_returns] ? "u" : "");
     conemap__piece_set(e, "DEBUG", 0,
                        f[conemap__flag_steps]
                            ? (f[conemap__flag_status] ? "float(hit.steps), float(hit.status), 0.0f, 0.0f"
@@ -9488,7 +9742,7 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
     conemap__make_effect_pieces(&e);
     conemap__lines(&e, conemap__head_text, 0);
     conemap__write_resources(&e);
-    if (desc->fetch) {
+    if (desc->fetch && !e.flags[conemap__flag_msl]) { /* there they are members of the host's */
         conemap__lines(&e, conemap__host_text, 1); /* C: the types that it is declared with */
         conemap__lines(&e, conemap__host_text, 0);
     }
@@ -9497,6 +9751,7 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
         conemap__write_effects(&e);
     else if (e.flags[conemap__flag_fragment]) conemap__lines(&e, conemap__fragment_text, 0);
     if (e.flags[conemap__flag_compute]) conemap__lines(&e, conemap__compute_text, 0);
+    if (desc->stage == CONEMAP_STAGE_FUNCTIONS) conemap__lines(&e, conemap__functions_end, 0);
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
     if (text && e.size < capacity) text[e.size] = 0;
@@ -9542,9 +9797,17 @@ static const char conemap__kernel_head[] =
     "?ring,relaxed,c #include <stdbool.h>\n"
     "?ring,sectors,c #include <stdbool.h>\n"
     "?safe,proven,c #include <stdbool.h>\n"
+    "?wrapped #include <metal_stdlib>\n"
+    "?wrapped using namespace metal;\n"
     "\n"
+    "?wrapped struct conemap_shader {\n"
+    "?wrapped @>\n"
+    "?wrapped @fields\n"
     "?es precision $PRECISION float;\n"
     "?es precision highp int;\n"
+    "?uses_map,wgsl $MAP_LAYOUTvar $MAP_NAME: texture_2d<f32>;\n"
+    "?uses_heights,wgsl $HEIGHTS_LAYOUTvar $HEIGHTS_NAME: texture_2d<f32>;\n"
+    "?uses_maxima,wgsl $MAXIMA_LAYOUTvar $MAXIMA_NAME: texture_2d<f32>;\n"
     "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_maxima,glsl $MAXIMA_LAYOUTuniform $SAMPLER $MAXIMA_NAME;\n"
@@ -9552,37 +9815,52 @@ static const char conemap__kernel_head[] =
     "?uses_map,hlsl,sectors Texture2D<vec4> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl Texture2D<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?uses_maxima,hlsl Texture2D<float> $MAXIMA_NAME$MAXIMA_LAYOUT;\n"
-    "?host float $FETCH_NAME(int i, int j);\n"
-    "?host_state float $FETCH_CONES_NAME(int i, int j$SECTOR_PARAM);\n"
-    "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
+    "?host,!msl float $FETCH_NAME(int i, int j);\n"
+    "?host_state,!msl float $FETCH_CONES_NAME(int i, int j$SECTOR_PARAM);\n"
+    "?host_maxima,!msl float $FETCH_MAXIMA_NAME(int i, int j, int level);\n"
     "\n";
 
 static const char conemap__kernel_main[] =
     "?vulkan,argued layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,argued cbuffer conemap_arguments : register(b$BINDING) {\n"
+    "?given,argued struct conemap_arguments {\n"
     "?batched $UNIFORMint conemap_first, conemap_last;\n"
     "?levelled $UNIFORMint conemap_level;\n"
     "?batched,octants $UNIFORMint conemap_sector; // the first of four\n"
     "?vulkan,argued };\n"
     "?hlsl,argued };\n"
+    "?given,argued };\n"
+    "?wgsl,argued $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl,argued conemap_arguments conemap_given;\n"
     "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
     "?fragment,glsl,!located out vec4 conemap_color;\n"
     "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
     "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
+    "?compute,wgsl $OUT_LAYOUTvar conemap_out: texture_storage_2d<$OUT_FORMAT, write>;\n"
+    "?compute,msl texture2d<float, access::write> conemap_out;\n"
     "?compute,hlsl RWTexture2D<$OUT_TYPE> conemap_out$OUT_LAYOUT;\n"
     "\n"
     "?fragment,hlsl float4 main(float4 place : SV_Position) : SV_Target {\n"
     "?compute,hlsl [numthreads(8, 8, 1)]\n"
     "?compute,hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?wgsl $ENTRY\n"
+    "?fragment,wgsl fn conemap_main(@builtin(position) place: vec4f) -> @location(0) vec4f {\n"
+    "?compute,wgsl fn conemap_main(@builtin(global_invocation_id) thread: vec3u) {\n"
+    "?fragment,msl float4 conemap_run(float4 place) {\n"
+    "?compute,msl void conemap_run(uint2 at) {\n"
     "?glsl void main() {\n"
     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
     "?fragment,glsl     int i = int(gl_FragCoord.x), j = int(gl_FragCoord.y);\n"
-    "?fragment,hlsl     int i = int(place.x), j = int(place.y);\n"
+    "?fragment,returns     int i = int(place.x), j = int(place.y);\n"
     "?compute,glsl     int i = int(gl_GlobalInvocationID.x), j = int(gl_GlobalInvocationID.y);\n"
     "?compute,hlsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute,wgsl     int i = int(thread.x), j = int(thread.y);\n"
+    "?compute,msl     int i = int(at.x), j = int(at.y);\n"
     "?compute,!levels     if (i >= $W || j >= $H) return;\n"
     "?compute,levels,glsl     ivec2 side = imageSize(conemap_out);\n"
-    "?compute,levels,glsl     if (i >= side.x || j >= side.y) return;\n"
+    "?compute,levels,wgsl     ivec2 side = ivec2(textureDimensions(conemap_out));\n"
+    "?compute,levels,msl     ivec2 side = ivec2(conemap_out.get_width(), conemap_out.get_height());\n"
+    "?compute,levels,!hlsl     if (i >= side.x || j >= side.y) return;\n"
     "?compute,levels,hlsl     uint width, height;\n"
     "?compute,levels,hlsl     conemap_out.GetDimensions(width, height);\n"
     "?compute,levels,hlsl     if (thread.x >= width || thread.y >= height) return;\n"
@@ -9592,10 +9870,28 @@ static const char conemap__kernel_main[] =
     "?sectors     four.z = $CALL_2;\n"
     "?sectors     four.w = $CALL_3;\n"
     "?fragment,glsl     conemap_color = vec4($RESULT);\n"
-    "?fragment,hlsl     return vec4($RESULT);\n"
+    "?fragment,returns     return vec4($RESULT);\n"
     "?compute,glsl     imageStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,wgsl     textureStore(conemap_out, ivec2(i, j), vec4($RESULT));\n"
+    "?compute,msl     conemap_out.write(vec4($RESULT), at);\n"
     "?compute,hlsl     conemap_out[uint2(thread.xy)] = $RESULT_HLSL;\n"
-    "}\n";
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?fragment,msl fragment float4 conemap_main(\n"
+    "?compute,msl kernel void conemap_main(\n"
+    "?msl @parameters\n"
+    "?compute,msl     texture2d<float, access::write> conemap_out$OUT_LAYOUT,\n"
+    "?compute,msl     uint2 at [[thread_position_in_grid]]) {\n"
+    "?fragment,msl     float4 place [[position]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?compute,msl         conemap_out,\n"
+    "?msl     };\n"
+    "?fragment,msl     return shader.conemap_run(place);\n"
+    "?compute,msl     shader.conemap_run(at);\n"
+    "?msl }\n";
 
 /* Do the passes make cones safe for the bilinear surface? */
 static int conemap__makes_safe(const conemap_info *info) {
@@ -9611,7 +9907,7 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     unsigned char *f = e->flags;
     conemap_texture texture = desc->map.texture;
     conemap_result result;
-    int state, heights, maxima, es_compute;
+    int state, heights, maxima, es_compute, few;
     d->dialect = desc->dialect;
     d->stage = desc->stage;
     d->map = desc->map;
@@ -9678,13 +9974,18 @@ static conemap_result conemap__resolve_kernel(conemap__emitter *e, const conemap
     f[conemap__flag_uses_heights] = !d->fetch && heights;
     f[conemap__flag_uses_maxima] = !d->fetch && maxima;
     es_compute = f[conemap__flag_es] && d->stage == CONEMAP_STAGE_COMPUTE; /* which has but few formats of images */
+    few = f[conemap__flag_wgsl] && d->stage == CONEMAP_STAGE_COMPUTE; /* as well, but not the same */
+    f[conemap__flag_arguments] = f[conemap__flag_argued];
     if ((d->fetch && d->stage != CONEMAP_STAGE_FUNCTIONS) || (d->fetch && state && !d->fetch_cones) ||
         (d->fetch && maxima && !d->fetch_maxima) || (!d->fetch && (d->fetch_cones || d->fetch_maxima)) ||
         (f[conemap__flag_sectors] && (f[conemap__flag_quick] || f[conemap__flag_relaxed])) ||
         (es_compute && f[conemap__flag_store] &&
          (f[conemap__flag_slopes] || f[conemap__flag_sectors]
               ? texture.format == CONEMAP_UNORM16
-              : f[conemap__flag_pair] || texture.format != CONEMAP_F32)))
+              : f[conemap__flag_pair] || texture.format != CONEMAP_F32)) ||
+        (few && f[conemap__flag_store] &&
+         (f[conemap__flag_slopes] || f[conemap__flag_sectors] ? texture.format == CONEMAP_UNORM16
+                                                              : texture.format != CONEMAP_F32)))
         return CONEMAP_ERROR_UNSUPPORTED;
     f[conemap__flag_size_asked] = !d->fixed_size && !d->fetch && !f[conemap__flag_maxima];
     return CONEMAP_OK;
@@ -9696,23 +9997,25 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
         "conemap_ring",   "conemap_steepest", "conemap_safe",  "conemap_stored", "conemap_highest",
         "conemap_padded", "conemap_four",     "conemap_quick", "conemap_exact"};
     static const char *const calls[CONEMAP_KERNEL_COUNT] = {
-        "conemap_ring(i, j, conemap_first, conemap_last",
+        "conemap_ring(i, j, $GIVENconemap_first, $GIVENconemap_last",
         "conemap_steepest(i, j",
         "conemap_safe(i, j",
         "conemap_stored(i, j",
         "conemap_highest(i, j",
         "conemap_padded(i, j",
-        "conemap_four(i, j, conemap_level",
+        "conemap_four(i, j, $GIVENconemap_level",
         "conemap_quick(i, j",
-        "conemap_exact(i, j, conemap_first, conemap_last, conemap_level"};
+        "conemap_exact(i, j, $GIVENconemap_first, $GIVENconemap_last, $GIVENconemap_level"};
     static const char *const sectors[2][4] = {
         {", 0", ", 1", ", 2", ", 3"},
-        {", conemap_sector", ", conemap_sector + 1", ", conemap_sector + 2", ", conemap_sector + 3"}};
+        {", $GIVENconemap_sector", ", $GIVENconemap_sector + 1", ", $GIVENconemap_sector + 2", ", $GIVENconemap_sector + 3"}};
     static const char *const names[4] = {"CALL", "CALL_1", "CALL_2", "CALL_3"};
     static const char *const formats[CONEMAP_FORMAT_COUNT][3] = {{"r32f", "rg32f", "rgba32f"},
                                                                  {"r16f", "rg16f", "rgba16f"},
                                                                  {"r16", "rg16", "rgba16"},
                                                                  {"r8", "rg8", "rgba8"}};
+    static const char *const storage[CONEMAP_FORMAT_COUNT][3] = {
+        {"r32float", "rg32float", "rgba32float"}, {"", "", "rgba16float"}, {"", "", ""}, {"", "", "rgba8unorm"}};
     static const char *const types[2][3] = {{"float", "float2", "float4"},
                                             {"unorm float", "unorm float2", "unorm float4"}};
     const char *slopes = desc->map.texture.flip_dv
@@ -9733,11 +10036,18 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     unorm = kernel == CONEMAP_KERNEL_STORE && e.flags[conemap__flag_unorm];
     binding = e.desc.binding + e.flags[conemap__flag_uses_map] + e.flags[conemap__flag_uses_heights] +
               e.flags[conemap__flag_uses_maxima];
-    conemap__piece_set(&e, "OUT_FORMAT", 1,
-                       formats[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format : CONEMAP_F32][wide]);
+    conemap__piece_set(
+        &e, "OUT_FORMAT", 1,
+        (e.flags[conemap__flag_wgsl] ? storage : formats)[kernel == CONEMAP_KERNEL_STORE ? desc->map.texture.format
+                                                                                         : CONEMAP_F32][wide]);
     conemap__piece_set(&e, "OUT_TYPE", 1, types[unorm][wide]);
-    conemap__place_resource(&e, "OUT_LAYOUT", e.flags[conemap__flag_hlsl] ? 'u' : 'b',
+    conemap__place_resource(&e, "OUT_LAYOUT",
+                            e.flags[conemap__flag_hlsl]  ? 'u'
+                            : e.flags[conemap__flag_msl] ? 't'
+                                                         : 'b',
                             e.flags[conemap__flag_hlsl] ? e.desc.binding : binding);
+    conemap__place_resource(&e, "GIVEN_LAYOUT", 'b',
+                            e.flags[conemap__flag_msl] ? e.desc.binding : binding + e.flags[conemap__flag_compute]);
     for (k = 0; k < (e.flags[conemap__flag_sectors] ? 4 : 1); ++k) {
         out = conemap__piece_new(&e, names[k], 0);
         conemap__append(out, CONEMAP__PIECE_SIZE, calls[kernel]);
@@ -9763,6 +10073,8 @@ static conemap_result conemap__emit_kernel_once(const conemap_shader_desc *desc,
     if (e.desc.stage != CONEMAP_STAGE_FUNCTIONS) {
         conemap__lines(&e, conemap__kernel_main, 1);
         conemap__lines(&e, conemap__kernel_main, 0);
+    } else {
+        conemap__lines(&e, conemap__functions_end, 0);
     }
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
@@ -9936,6 +10248,400 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
                 : level == 0                                                  ? conemap__cell_max(map, x, y)
                              : conemap__block_max(&map->cells, level, x, y);
     return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   E M I T T E D   W G S L
+
+   WGSL has no declarations of several names, no ?:, no bodies without braces, no writing to parameters. So what the
+   snippets say is collected item by item (a struct, a function, a line outside of both) and translated when the item is
+   whole: by its statements, of which the snippets use but few kinds, and their expressions. Text that is WGSL already
+   goes through unchanged. vec2, float and the like have become WGSL's words before.
+   ====================================================================================================== */
+
+/* Past spaces, line ends and comments. */
+static const char *conemap__wgsl_skip(const char *p) {
+    for (;;) {
+        while (*p == ' ' || *p == '\n') ++p;
+        if (p[0] != '/' || p[1] != '/') return p;
+        while (*p && *p != '\n') ++p;
+    }
+}
+
+static const char *conemap__wgsl_word_end(const char *p) {
+    if (conemap__is_letter(*p))
+        while (conemap__is_letter(*p) || conemap__is_digit(*p)) ++p;
+    return p;
+}
+
+static int conemap__wgsl_is(const char *p, const char *word) {
+    return strncmp(p, word, strlen(word)) == 0 && conemap__wgsl_word_end(p) == p + strlen(word);
+}
+
+/* The first of these characters from p on that stands in no bracket and no comment, or the end. */
+static const char *conemap__wgsl_find(const char *p, const char *end, const char *characters) {
+    int depth = 0;
+    for (; p < end; ++p) {
+        if (p[0] == '/' && p[1] == '/') {
+            while (p + 1 < end && p[1] != '\n') ++p;
+            continue;
+        }
+        if (depth == 0 && strchr(characters, *p)) return p;
+        depth += *p == '(' || *p == '[' || *p == '{';
+        depth -= *p == ')' || *p == ']' || *p == '}';
+    }
+    return end;
+}
+
+/* The bracket that closes the one at p. */
+static const char *conemap__wgsl_close(const char *p, const char *end) {
+    return conemap__wgsl_find(p + 1, end, *p == '(' ? ")" : *p == '[' ? "]" : "}");
+}
+
+/* The = of an assignment or of a declaration's value. */
+static const char *conemap__wgsl_equals(const char *p, const char *end) {
+    const char *at = conemap__wgsl_find(p, end, "=");
+    return at < end && at[1] != '=' && !strchr("<>!", at[-1]) ? at : end;
+}
+
+static void conemap__wgsl_copy(conemap__emitter *e, const char *p, const char *end) {
+    if (end > p) conemap__write(e, p, (size_t)(end - p));
+}
+
+/* A word of WGSL's own; the host must not have used it. */
+static void conemap__wgsl_puts(conemap__emitter *e, const char *text) {
+    const size_t length = (size_t)(conemap__wgsl_word_end(text) - text);
+    int k;
+    for (k = 0; k < CONEMAP__GIVEN; ++k) e->clash |= length && e->given[k] && conemap__same(e->given[k], text, length);
+    conemap__write(e, text, strlen(text));
+}
+
+/* a ? b : c becomes select(c, b, a), which looks at all three: they are free of side effects, and nothing traps. What
+   shifts counts in u32. */
+static void conemap__wgsl_expression(conemap__emitter *e, const char *p, const char *end) {
+    const char *question, *colon, *close;
+    int nested = 1;
+    while (p < end && (*p == ' ' || *p == '\n')) conemap__write(e, p++, 1);
+    while (end > p && (end[-1] == ' ' || end[-1] == '\n')) --end;
+    question = conemap__wgsl_find(p, end, "?");
+    if (question < end) {
+        for (colon = question; nested > 0 && colon < end;) {
+            colon = conemap__wgsl_find(colon + 1, end, "?:");
+            nested += colon < end && *colon == '?' ? 1 : -1;
+        }
+        conemap__wgsl_puts(e, "select(");
+        conemap__wgsl_expression(e, conemap__wgsl_skip(colon + 1), end);
+        conemap__wgsl_puts(e, ", ");
+        conemap__wgsl_expression(e, conemap__wgsl_skip(question + 1), colon);
+        conemap__wgsl_puts(e, ", ");
+        conemap__wgsl_expression(e, p, question);
+        conemap__wgsl_puts(e, ")");
+        return;
+    }
+    while (p < end) {
+        const char *from = p;
+        if (p[0] == '/' && p[1] == '/') {
+            while (p < end && *p != '\n') ++p;
+            conemap__wgsl_copy(e, from, p);
+        } else if (*p == '(' || *p == '[') {
+            const int call = conemap__is_letter(p[-1]) || conemap__is_digit(p[-1]);
+            close = conemap__wgsl_close(p, end);
+            nested = *p == '(' && !call && conemap__wgsl_find(p + 1, close, "?") < close; /* select brings its own */
+            if (!nested) conemap__write(e, p, 1);
+            for (++p; p < close; ++p) {
+                const char *comma = conemap__wgsl_find(p, close, ",");
+                conemap__wgsl_expression(e, p, comma);
+                if (comma < close) conemap__write(e, ",", 1);
+                p = comma;
+                if (comma == close) break;
+            }
+            if (!nested) conemap__write(e, close, 1);
+            p = close + 1;
+        } else if ((p[0] == '<' || p[0] == '>') && p[1] == p[0]) {
+            for (p += 2; *p == ' ';) ++p;
+            conemap__wgsl_copy(e, from, p);
+            if (!conemap__is_digit(*p)) {
+                from = p;
+                p = conemap__wgsl_word_end(p);
+                while (*p == '.' || *p == '(' || *p == '[')
+                    p = *p == '.' ? conemap__wgsl_word_end(p + 1) : conemap__wgsl_close(p, end) + 1;
+                conemap__wgsl_puts(e, "u32(");
+                conemap__wgsl_expression(e, from + (*from == '('), p - (*from == '('));
+                conemap__wgsl_puts(e, ")");
+            }
+        } else {
+            p = conemap__is_letter(*p) ? conemap__wgsl_word_end(p) : p + 1;
+            conemap__wgsl_copy(e, from, p);
+        }
+    }
+}
+
+/* Does the item write to this name? Then it stands where a statement begins, or behind ++ or --. */
+static int conemap__wgsl_assigned(const char *item, const char *name, size_t length) {
+    const char *p = item;
+    int begins = 0;
+    while (*(p = conemap__wgsl_skip(p))) {
+        const char *end = conemap__wgsl_word_end(p);
+        if (end == p) {
+            begins = *p && strchr(";{})", *p) != NULL;
+            if ((p[0] == '+' || p[0] == '-') && p[1] == p[0]) {
+                begins = 1;
+                ++p;
+            }
+            ++p;
+            continue;
+        }
+        if (begins && (size_t)(end - p) == length && strncmp(p, name, length) == 0) {
+            const char *next = conemap__wgsl_skip(end);
+            if (!conemap__is_letter(*next) && *next != '(') return 1;
+        }
+        begins = conemap__wgsl_is(p, "else");
+        p = end;
+    }
+    return 0;
+}
+
+/* The spaces that the line of p begins with, on a line of their own. */
+static void conemap__wgsl_new_line(conemap__emitter *e, const char *p) {
+    const char *begin = p;
+    while (begin > e->item && begin[-1] != '\n') --begin;
+    for (p = begin; *p == ' ';) ++p;
+    conemap__write(e, "\n", 1);
+    conemap__wgsl_copy(e, begin, p);
+}
+
+/* Each name of a declaration: type name[count] = value, ... */
+static void conemap__wgsl_declaration(conemap__emitter *e, const char *p, const char *end) {
+    const char *type_end = conemap__wgsl_word_end(p), *name = conemap__wgsl_skip(type_end);
+    for (;;) {
+        const char *comma = conemap__wgsl_find(name, end, ","), *name_end = conemap__wgsl_word_end(name);
+        const char *value = conemap__wgsl_equals(name_end, comma);
+        const int array = *name_end == '[';
+        const int fixed = value < comma && !conemap__wgsl_assigned(e->item, name, (size_t)(name_end - name));
+        conemap__wgsl_puts(e, fixed ? "let " : "var ");
+        conemap__wgsl_copy(e, name, name_end);
+        if (array || value == comma) {
+            conemap__wgsl_puts(e, array ? ": array<" : ": ");
+            conemap__wgsl_copy(e, p, type_end);
+            if (array) {
+                conemap__wgsl_puts(e, ", ");
+                conemap__wgsl_copy(e, name_end + 1, conemap__wgsl_close(name_end, comma));
+                conemap__wgsl_puts(e, ">");
+            }
+        }
+        if (value < comma) {
+            conemap__wgsl_puts(e, " =");
+            conemap__wgsl_expression(e, value + 1, comma);
+        }
+        if (comma == end) return;
+        conemap__wgsl_puts(e, ";");
+        conemap__wgsl_new_line(e, p);
+        name = conemap__wgsl_skip(comma + 1);
+    }
+}
+
+/* What stands between semicolons. */
+static void conemap__wgsl_simple(conemap__emitter *e, const char *p, const char *end) {
+    const char *word_end = conemap__wgsl_word_end(p), *next = conemap__wgsl_skip(word_end), *equals;
+    const int keyword = conemap__wgsl_is(p, "return") || conemap__wgsl_is(p, "let") || conemap__wgsl_is(p, "var");
+    if ((p[0] == '+' || p[0] == '-') && p[1] == p[0]) {
+        conemap__wgsl_expression(e, p + 2, end);
+        conemap__write(e, p, 2);
+    } else if (conemap__wgsl_is(p, "return")) {
+        conemap__wgsl_copy(e, p, word_end);
+        conemap__wgsl_expression(e, word_end, end);
+    } else if (!keyword && word_end > p && next < end && conemap__is_letter(*next)) {
+        conemap__wgsl_declaration(e, p, end);
+    } else {
+        equals = conemap__wgsl_equals(p, end);
+        if (equals < end) {
+            conemap__wgsl_copy(e, p, equals + 1);
+            p = equals + 1;
+        }
+        conemap__wgsl_expression(e, p, end);
+    }
+}
+
+static const char *conemap__wgsl_statement(conemap__emitter *e, const char *p);
+
+/* What if, else and for repeat or leave out: always in braces. */
+static const char *conemap__wgsl_body(conemap__emitter *e, const char *p) {
+    const char *begin = conemap__wgsl_skip(p), *end;
+    if (*begin == '{') {
+        conemap__wgsl_copy(e, p, begin);
+        return conemap__wgsl_statement(e, begin);
+    }
+    conemap__wgsl_puts(e, " {");
+    conemap__wgsl_copy(e, p, begin);
+    end = conemap__wgsl_statement(e, begin);
+    if (memchr(p, '\n', (size_t)(begin - p)))
+        conemap__wgsl_new_line(e, p);
+    else
+        conemap__wgsl_puts(e, " ");
+    conemap__wgsl_puts(e, "}");
+    return end;
+}
+
+/* The statements between braces. */
+static void conemap__wgsl_block(conemap__emitter *e, const char *p, const char *end) {
+    for (;;) {
+        const char *begin = conemap__wgsl_skip(p);
+        conemap__wgsl_copy(e, p, begin);
+        if (begin >= end) return;
+        p = conemap__wgsl_statement(e, begin);
+    }
+}
+
+/* One statement from p on; returns its end. */
+static const char *conemap__wgsl_statement(conemap__emitter *e, const char *p) {
+    const char *end = p + strlen(p), *begin, *close;
+    if (*p == '{') {
+        close = conemap__wgsl_close(p, end);
+        conemap__write(e, p, 1);
+        conemap__wgsl_block(e, p + 1, close);
+        conemap__write(e, close, 1);
+        return close + 1;
+    }
+    if (conemap__wgsl_is(p, "if") || conemap__wgsl_is(p, "for")) {
+        begin = conemap__wgsl_find(p, end, "(");
+        close = conemap__wgsl_close(begin, end);
+        conemap__wgsl_copy(e, p, begin + 1);
+        if (*p == 'f') {
+            const char *first = conemap__wgsl_find(begin + 1, close, ";");
+            const char *second = conemap__wgsl_find(first + 1, close, ";");
+            conemap__wgsl_simple(e, begin + 1, first);
+            conemap__wgsl_puts(e, ";");
+            conemap__wgsl_expression(e, first + 1, second);
+            conemap__wgsl_copy(e, second, conemap__wgsl_skip(second + 1));
+            conemap__wgsl_simple(e, conemap__wgsl_skip(second + 1), close);
+        } else {
+            conemap__wgsl_expression(e, begin + 1, close);
+        }
+        conemap__wgsl_puts(e, ")");
+        begin = conemap__wgsl_body(e, close + 1);
+        p = conemap__wgsl_skip(begin);
+        if (!conemap__wgsl_is(p, "else")) return begin;
+        conemap__wgsl_copy(e, begin, p + 4);
+        begin = conemap__wgsl_skip(p + 4);
+        if (!conemap__wgsl_is(begin, "if")) return conemap__wgsl_body(e, p + 4);
+        conemap__wgsl_copy(e, p + 4, begin);
+        return conemap__wgsl_statement(e, begin);
+    }
+    close = conemap__wgsl_find(p, end, ";");
+    conemap__wgsl_simple(e, p, close);
+    if (close < end) conemap__write(e, ";", 1);
+    return close < end ? close + 1 : end;
+}
+
+/* type name, type name: of a function. A parameter that is written to comes in under another name. */
+static void conemap__wgsl_parameters(conemap__emitter *e, const char *p, const char *end) {
+    while ((p = conemap__wgsl_skip(p)) < end) {
+        const char *comma = conemap__wgsl_find(p, end, ","), *type_end = conemap__wgsl_word_end(p);
+        const char *name = conemap__wgsl_skip(type_end), *name_end = conemap__wgsl_word_end(name);
+        conemap__wgsl_copy(e, name, name_end);
+        if (conemap__wgsl_assigned(e->item, name, (size_t)(name_end - name))) conemap__wgsl_puts(e, "_in");
+        conemap__wgsl_puts(e, ": ");
+        conemap__wgsl_copy(e, p, type_end);
+        if (comma == end) return;
+        conemap__wgsl_copy(e, comma, conemap__wgsl_skip(comma + 1));
+        p = comma + 1;
+    }
+}
+
+/* The collected item. */
+static void conemap__wgsl_item(conemap__emitter *e) {
+    const char *item = e->item, *end = item + strlen(item), *brace = conemap__wgsl_find(item, end, "{");
+    const char *type_end = conemap__wgsl_word_end(item), *name = type_end + (*type_end == ' ');
+    const char *name_end = conemap__wgsl_word_end(name), *close, *p;
+    const int native = conemap__wgsl_is(item, "fn") || conemap__wgsl_is(item, "var") || type_end == item;
+    if (conemap__wgsl_is(item, "struct") && brace < end) {
+        close = conemap__wgsl_close(brace, end);
+        conemap__wgsl_copy(e, item, brace + 1);
+        for (p = brace + 1; p < close;) { /* type name, name; */
+            const char *begin = conemap__wgsl_skip(p), *stop, *field;
+            if (begin > close) begin = close;
+            conemap__wgsl_copy(e, p, begin);
+            if (begin == close) break;
+            stop = conemap__wgsl_find(begin, close, ";:@");
+            if (*stop != ';') { /* WGSL already */
+                for (p = begin; p < close && *p != '\n';) ++p;
+                conemap__wgsl_copy(e, begin, p);
+                continue;
+            }
+            type_end = conemap__wgsl_word_end(begin);
+            for (field = conemap__wgsl_skip(type_end); field < stop;) {
+                name_end = conemap__wgsl_word_end(field);
+                conemap__wgsl_copy(e, field, name_end);
+                conemap__wgsl_puts(e, ": ");
+                conemap__wgsl_copy(e, begin, type_end);
+                conemap__wgsl_puts(e, *name_end == ',' ? ", " : ",");
+                field = conemap__wgsl_skip(name_end + 1);
+                if (*name_end != ',') break;
+            }
+            p = stop + 1;
+        }
+        conemap__wgsl_puts(e, "}");
+        conemap__wgsl_copy(e, close + 1 + (close[1] == ';'), end);
+    } else if (!native && name_end > name && *name_end == '(') {
+        close = conemap__wgsl_close(name_end, end);
+        conemap__wgsl_puts(e, brace < end ? "" : "// the host's: ");
+        conemap__wgsl_puts(e, "fn ");
+        conemap__wgsl_copy(e, name, name_end + 1);
+        conemap__wgsl_parameters(e, name_end + 1, close);
+        conemap__wgsl_puts(e, ")");
+        if (!conemap__wgsl_is(item, "void")) {
+            conemap__wgsl_puts(e, " -> ");
+            conemap__wgsl_copy(e, item, type_end);
+        }
+        if (brace == end) {
+            conemap__wgsl_copy(e, close + 2, end);
+            return;
+        }
+        conemap__wgsl_copy(e, close + 1, brace + 1);
+        for (p = name_end + 1; p < close; ++p) { /* the parameters again */
+            const char *comma = conemap__wgsl_find(p, close, ",");
+            name = conemap__wgsl_skip(conemap__wgsl_word_end(conemap__wgsl_skip(p)));
+            type_end = conemap__wgsl_word_end(name);
+            if (conemap__wgsl_assigned(item, name, (size_t)(type_end - name))) {
+                conemap__wgsl_puts(e, "\n    var ");
+                conemap__wgsl_copy(e, name, type_end);
+                conemap__wgsl_puts(e, " = ");
+                conemap__wgsl_copy(e, name, type_end);
+                conemap__wgsl_puts(e, "_in;");
+            }
+            p = comma;
+        }
+        close = conemap__wgsl_close(brace, end);
+        conemap__wgsl_block(e, brace + 1, close);
+        conemap__wgsl_copy(e, close, end);
+    } else if (brace < end) { /* an entry point, WGSL but for its statements */
+        conemap__wgsl_copy(e, item, brace);
+        p = conemap__wgsl_statement(e, brace);
+        conemap__wgsl_copy(e, p, end);
+    } else {
+        conemap__wgsl_copy(e, item, end);
+    }
+}
+
+/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. An item that is longer than the
+   room for it counts as a clash: only a host's names can make it so long. */
+static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length) {
+    size_t k;
+    for (k = 0; k < length; ++k) {
+        const char c = text[k];
+        if (e->item_size + 1 >= CONEMAP__ITEM_SIZE) {
+            e->clash = 1;
+            return;
+        }
+        e->item[e->item_size++] = c;
+        if (c == '/' && e->item_size > 1 && e->item[e->item_size - 2] == '/') e->item_comment = 1;
+        if (c == '\n') e->item_comment = 0;
+        if (!e->item_comment) e->item_depth += (c == '{' || c == '(') - (c == '}' || c == ')');
+        if (c != '\n' || e->item_depth > 0) continue;
+        e->item[e->item_size] = 0;
+        conemap__wgsl_item(e);
+        e->item_size = 0;
+    }
 }
 
 /* ======================================================================================================
@@ -10517,6 +11223,8 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "vec4 conemap_color(conemap_shading s) {\n"
      "?glsl     return textureGrad(conemap_colors, s.uv, s.gradient.xy, s.gradient.zw);\n"
      "?hlsl     return conemap_colors.SampleGrad(conemap_color_sampler, s.uv, s.gradient.xy, s.gradient.zw);\n"
+     "?wgsl     return textureSampleGrad(conemap_colors, conemap_color_sampler, s.uv, s.gradient.xy, s.gradient.zw);\n"
+     "?msl     return conemap_colors.sample(conemap_color_sampler, s.uv, gradient2d(s.gradient.xy, s.gradient.zw));\n"
      "}\n"},
     {NULL, NULL},
 };
@@ -10638,11 +11346,14 @@ static const char conemap__shade_resources[] =
     "?colors,!external,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
     "?colors,!external,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
     "?colors,!external,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
-    "?holes,host float conemap_alpha(int i, int j$SLICE_PARAM); // the host's\n"
+    "?holes,!external,!host,wgsl $ALPHA_LAYOUTvar conemap_alpha: $TEXTURE<f32>; // a texel for each of the map's\n"
+    "?colors,!external,wgsl $COLORS_LAYOUTvar conemap_colors: texture_2d<f32>; // a colour map\n"
+    "?colors,!external,wgsl $COLOR_SAMPLER_LAYOUTvar conemap_color_sampler: sampler;\n"
+    "?holes,host,!msl float conemap_alpha(int i, int j$SLICE_PARAM); // the host's\n"
     "?holes \n"
     "?colors,!holes \n";
 
-static const char conemap__shade_main[] =
+static const char conemap__shade_interface[] =
     "?glsl $IN_0in vec3 conemap_origin;    // of the ray, in the world\n"
     "?glsl $IN_1in vec3 conemap_direction; // t = 1 at the fragment, say\n"
     "?glsl $IN_2in vec3 conemap_frame_tangent;   // the frame at the fragment\n"
@@ -10659,6 +11370,7 @@ static const char conemap__shade_main[] =
     "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
     "?vulkan $BLOCK_LAYOUTuniform conemap_block {\n"
     "?hlsl cbuffer conemap_block$BLOCK_LAYOUT {\n"
+    "?given struct conemap_arguments {\n"
     "?settings $UNIFORMconemap_effects conemap_settings;\n"
     "$UNIFORMvec4 conemap_shape; // uv_scale, depth, level\n"
     "?curved $UNIFORMvec4 conemap_curvature;\n"
@@ -10668,8 +11380,11 @@ static const char conemap__shade_main[] =
     "?array $UNIFORMint conemap_slice;\n"
     "?vulkan };\n"
     "?hlsl };\n"
+    "?given };\n"
+    "?wgsl $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
+    "?msl conemap_arguments conemap_given;\n"
     "\n"
-    "?hlsl struct conemap_inputs {\n"
+    "?returns struct conemap_inputs {\n"
     "?hlsl     float3 origin : TEXCOORD0;    // of the ray, in the world\n"
     "?hlsl     float3 direction : TEXCOORD1; // t = 1 at the fragment, say\n"
     "?hlsl     float3 tangent : TEXCOORD2;   // the frame at the fragment\n"
@@ -10677,18 +11392,49 @@ static const char conemap__shade_main[] =
     "?hlsl     float3 normal : TEXCOORD4;\n"
     "?hlsl     float3 place : TEXCOORD5;     // the fragment in the world\n"
     "?hlsl     float2 uv : TEXCOORD6;        // and on the map\n"
-    "?hlsl };\n"
-    "?hlsl \n"
-    "?hlsl struct conemap_targets {\n"
+    "?wgsl     @location(0) origin: vec3f,    // of the ray, in the world\n"
+    "?wgsl     @location(1) direction: vec3f, // t = 1 at the fragment, say\n"
+    "?wgsl     @location(2) tangent: vec3f,   // the frame at the fragment\n"
+    "?wgsl     @location(3) bitangent: vec3f,\n"
+    "?wgsl     @location(4) normal: vec3f,\n"
+    "?wgsl     @location(5) place: vec3f,     // the fragment in the world\n"
+    "?wgsl     @location(6) uv: vec2f,        // and on the map\n"
+    "?msl     float3 origin [[user(locn0)]];    // of the ray, in the world\n"
+    "?msl     float3 direction [[user(locn1)]]; // t = 1 at the fragment, say\n"
+    "?msl     float3 tangent [[user(locn2)]];   // the frame at the fragment\n"
+    "?msl     float3 bitangent [[user(locn3)]];\n"
+    "?msl     float3 normal [[user(locn4)]];\n"
+    "?msl     float3 place [[user(locn5)]];     // the fragment in the world\n"
+    "?msl     float2 uv [[user(locn6)]];        // and on the map\n"
+    "?returns };\n"
+    "?returns \n"
+    "?returns struct conemap_targets {\n"
     "?hlsl     float4 box : SV_Target0; // u, v, z, t\n"
     "?hlsl,world     float4 position : SV_Target1;\n"
     "?hlsl,normal_out     float4 normal : SV_Target$TARGET_2;\n"
     "?hlsl,colors     float4 color : SV_Target$TARGET_3;\n"
     "?hlsl,numbers     float4 numbers : SV_Target$TARGET_4; // shadow, occlusion, level, fade\n"
     "?hlsl,depth     float depth : $SV_DEPTH;\n"
-    "?hlsl };\n"
-    "?hlsl \n"
+    "?wgsl     @location(0) box: vec4f, // u, v, z, t\n"
+    "?wgsl,world     @location(1) position: vec4f,\n"
+    "?wgsl,normal_out     @location($TARGET_2) normal: vec4f,\n"
+    "?wgsl,colors     @location($TARGET_3) color: vec4f,\n"
+    "?wgsl,numbers     @location($TARGET_4) numbers: vec4f, // shadow, occlusion, level, fade\n"
+    "?wgsl,depth     @builtin(frag_depth) depth: f32,\n"
+    "?msl     float4 box [[color(0)]]; // u, v, z, t\n"
+    "?msl,world     float4 position [[color(1)]];\n"
+    "?msl,normal_out     float4 normal [[color($TARGET_2)]];\n"
+    "?msl,colors     float4 color [[color($TARGET_3)]];\n"
+    "?msl,numbers     float4 numbers [[color($TARGET_4)]]; // shadow, occlusion, level, fade\n"
+    "?msl,depth     float depth [[depth($SV_DEPTH)]];\n"
+    "?returns };\n"
+    "?returns \n";
+
+static const char conemap__shade_main[] =
     "?hlsl conemap_targets main(conemap_inputs inputs) {\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(inputs: conemap_inputs) -> conemap_targets {\n"
+    "?msl conemap_targets conemap_run(conemap_inputs inputs) {\n"
     "?glsl void main() {\n"
     "    conemap_frame frame;\n"
     "?glsl     frame.origin = conemap_point;\n"
@@ -10696,31 +11442,44 @@ static const char conemap__shade_main[] =
     "?glsl     frame.bitangent = conemap_frame_bitangent;\n"
     "?glsl     frame.normal = conemap_frame_normal;\n"
     "?glsl     frame.uv_offset = conemap_uv;\n"
-    "?hlsl     frame.origin = inputs.place;\n"
-    "?hlsl     frame.tangent = inputs.tangent;\n"
-    "?hlsl     frame.bitangent = inputs.bitangent;\n"
-    "?hlsl     frame.normal = inputs.normal;\n"
-    "?hlsl     frame.uv_offset = inputs.uv;\n"
-    "    frame.uv_scale = conemap_shape.xy;\n"
-    "    frame.depth = conemap_shape.z;\n"
-    "    frame.level = conemap_shape.w;\n"
-    "?curved     frame.curvature = conemap_curvature.xyz;\n"
+    "?returns     frame.origin = inputs.place;\n"
+    "?returns     frame.tangent = inputs.tangent;\n"
+    "?returns     frame.bitangent = inputs.bitangent;\n"
+    "?returns     frame.normal = inputs.normal;\n"
+    "?returns     frame.uv_offset = inputs.uv;\n"
+    "    frame.uv_scale = $GIVENconemap_shape.xy;\n"
+    "    frame.depth = $GIVENconemap_shape.z;\n"
+    "    frame.level = $GIVENconemap_shape.w;\n"
+    "?curved     frame.curvature = $GIVENconemap_curvature.xyz;\n"
     "?gradient,glsl     vec4 gradient = vec4(dFdx(conemap_uv), dFdy(conemap_uv));\n"
+    "?gradient,wgsl     vec4 gradient = vec4(dpdx(inputs.uv), dpdy(inputs.uv));\n"
+    "?gradient,msl     vec4 gradient = vec4(dfdx(inputs.uv), dfdy(inputs.uv));\n"
     "?gradient,hlsl     vec4 gradient = vec4(ddx(inputs.uv), ddy(inputs.uv));\n"
     "?glsl     conemap_shading s = conemap_shade($SETTINGS_ARGframe, conemap_origin, conemap_direction$SHADE_ARGS);\n"
-    "?hlsl     conemap_shading s = conemap_shade($SETTINGS_ARGframe, inputs.origin, inputs.direction$SHADE_ARGS);\n"
+    "?returns     conemap_shading s = conemap_shade($SETTINGS_ARGframe, inputs.origin, inputs.direction$SHADE_ARGS);\n"
     "?colors     vec4 color = conemap_color(s);\n"
     "    if (!s.found) discard;\n"
-    "?hlsl     conemap_targets targets;\n"
+    "?returns     conemap_targets targets;\n"
     "    $TARGET_BOX = vec4(s.box, s.t);\n"
     "?world     $TARGET_POSITION = vec4(s.position, 1.0f);\n"
     "?normal_out     $TARGET_NORMAL = vec4(s.normal, 0.0f);\n"
     "?colors     $TARGET_COLOR = color;\n"
     "?numbers     $TARGET_NUMBERS = vec4($NUMBERS);\n"
     "?glsl,depth     gl_FragDepth = s.depth;\n"
-    "?hlsl,depth     targets.depth = s.depth;\n"
-    "?hlsl     return targets;\n"
-    "}\n";
+    "?returns,depth     targets.depth = s.depth;\n"
+    "?returns     return targets;\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl fragment conemap_shader::conemap_targets conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     conemap_shader::conemap_inputs inputs [[stage_in]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(inputs);\n"
+    "?msl }\n";
 
 /* Unknown bits, or two effects of which one is instead of the other. */
 static int conemap__effects_clash(unsigned flags) {
@@ -10739,7 +11498,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     int asked;
     if (!CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT)) return CONEMAP_ERROR_ENUM;
     if (d->depth_bound != CONEMAP_DEPTH_ANY &&
-        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] ||
+        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] || f[conemap__flag_wgsl] ||
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
@@ -10789,6 +11548,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
     f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
     f[conemap__flag_ranged] = d->t_range != 0;
+    f[conemap__flag_arguments] = f[conemap__flag_fragment]; /* the block, for MSL */
     if (f[conemap__flag_cuts] || f[conemap__flag_hard]) /* conemap_trace's, whatever conemap_shade has */
         d->t_range = f[conemap__flag_t_range] = 1;
     asked = f[conemap__flag_flight] || f[conemap__flag_place]; /* a flight, or a second trace that must be exact */
@@ -10816,7 +11576,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], lod = f[conemap__flag_lod];
     const int holes = f[conemap__flag_holes], curved = f[conemap__flag_curved], host = f[conemap__flag_host];
-    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima];
+    const int among = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
+    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] +
+                  (among && f[conemap__flag_sampler]);
     int axis, end, k, target = 0;
     char *out;
     if (!f[conemap__flag_shading]) return;
@@ -10825,7 +11587,7 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "FLAT_PARAMS", 0, "$SIZE_PARAMS$SLICE_PARAM");
     conemap__piece_set(e, "FLAT", 0, "$SIZE$SLICE_ARG");
     conemap__piece_set(e, "SETTINGS_PARAM", 0, f[conemap__flag_settings] ? "conemap_effects e, " : "");
-    conemap__piece_set(e, "SETTINGS_ARG", 0, f[conemap__flag_settings] ? "conemap_settings, " : "");
+    conemap__piece_set(e, "SETTINGS_ARG", 0, f[conemap__flag_settings] ? "$GIVENconemap_settings, " : "");
     out = conemap__piece_new(e, "SHADE_PARAMS", 0);
     if (f[conemap__flag_ranged]) conemap__append(out, size, ", float t_min, float t_max");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", vec4 gradient");
@@ -10837,11 +11599,11 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
     conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
     out = conemap__piece_new(e, "SHADE_ARGS", 0);
-    if (f[conemap__flag_ranged]) conemap__append(out, size, ", conemap_range.x, conemap_range.y");
+    if (f[conemap__flag_ranged]) conemap__append(out, size, ", $GIVENconemap_range.x, $GIVENconemap_range.y");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
-    if (d->atlas) conemap__append(out, size, ", conemap_rect");
-    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", conemap_map_size");
-    if (array) conemap__append(out, size, ", conemap_slice");
+    if (d->atlas) conemap__append(out, size, ", $GIVENconemap_rect");
+    if (f[conemap__flag_size_argument]) conemap__append(out, size, ", $GIVENconemap_map_size");
+    if (array) conemap__append(out, size, ", $GIVENconemap_slice");
     conemap__piece_set(e, "TRACE_RANGE", 0, d->t_range ? ", range.x, range.y" : "");
     conemap__piece_set(e, "TRACE_MAP", 0, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
     for (k = 0; k < 6; ++k) { /* of functions that begin flights: what is put in, and what goes on to the map */
@@ -10911,27 +11673,23 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
         }
 
     /* Texture reads and resources. */
-    conemap__read_texture(e, conemap__piece_new(e, "STORED", 0), "$MAP_NAME", hlsl ? ".Load" : "texelFetch(",
-                          hlsl    ? (array ? "(int4($I, $J, slice, $LOD))" : "(int3($I, $J, $LOD))")
-                          : array ? ", ivec3($I, $J, slice), $LOD)"
-                                  : ", ivec2($I, $J), $LOD)",
-                          ".ba");
+    conemap__read_texel(e, conemap__piece_new(e, "STORED", 0), "$MAP_NAME", "$I", "$J", array ? "slice" : NULL, "$LOD",
+                        ".ba");
     conemap__piece_set(e, "STORED_V", 0, d->map.texture.flip_dv ? "0.5f - stored.y" : "stored.y - 0.5f");
     out = conemap__piece_new(e, "ALPHA", 0);
     if (host)
         conemap__append(out, size, "conemap_alpha($I, $J$SLICE_ARG)");
     else
-        conemap__read_texture(e, out, "conemap_alpha", hlsl ? ".Load" : "texelFetch(",
-                              hlsl    ? (array ? "(int4($I, $J, slice, 0))" : "(int3($I, $J, 0))")
-                              : array ? ", ivec3($I, $J, slice), 0)"
-                                      : ", ivec2($I, $J), 0)",
-                              ".r");
+        conemap__read_texel(e, out, "conemap_alpha", "$I", "$J", array ? "slice" : NULL, "0", ".r");
     conemap__place_resource(e, "ALPHA_LAYOUT", 't', binding);
     binding += holes && !host;
     conemap__place_resource(e, "COLORS_LAYOUT", 't', binding);
     binding += f[conemap__flag_colors];
     conemap__piece_set(e, "COLOR_SAMPLER", 1, f[conemap__flag_es] ? "highp sampler2D" : "sampler2D");
-    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', d->sampler_binding + f[conemap__flag_sampler]);
+    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's',
+                            among ? binding : d->sampler_binding + f[conemap__flag_sampler]);
+    binding += among && f[conemap__flag_colors];
+    conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_msl] ? d->binding : binding);
     if (f[conemap__flag_vulkan] || hlsl) /* beside the arguments of the tracer */
         conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? d->binding : binding);
     for (k = 2; k < 7; ++k) {
@@ -10951,8 +11709,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
                                    : f[conemap__flag_numbers];
         if (k > 1) conemap__append_int(conemap__piece_new(e, numbers[k], 1), size, target);
         out = conemap__piece_new(e, targets[k], 0);
-        conemap__append(out, size, hlsl ? fields[k] : "conemap_target");
-        if (!hlsl) conemap__append_int(out, size, target);
+        conemap__append(out, size, f[conemap__flag_returns] ? fields[k] : "conemap_target");
+        if (!f[conemap__flag_returns]) conemap__append_int(out, size, target);
         target += there;
     }
     out = conemap__piece_new(e, "NUMBERS", 0);
@@ -10961,9 +11719,12 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__append(out, size, lod ? "s.level, " : "0.0f, ");
     conemap__append(out, size, f[conemap__flag_fade] ? "s.fade" : "0.0f");
     conemap__piece_set(e, "SV_DEPTH", 1,
-                       f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
-                       : f[conemap__flag_less]  ? "SV_DepthLessEqual"
-                                                : "SV_Depth");
+                       f[conemap__flag_msl]       ? (f[conemap__flag_greater] ? "greater"
+                                                     : f[conemap__flag_less]  ? "less"
+                                                                              : "any")
+                       : f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
+                       : f[conemap__flag_less]    ? "SV_DepthLessEqual"
+                                                  : "SV_Depth");
 }
 
 static void conemap__write_resources(conemap__emitter *e) {
@@ -10978,7 +11739,10 @@ static void conemap__write_effects(conemap__emitter *e) {
     conemap__lines(e, conemap__shade_end, 0);
     conemap__put(e, "\n", 1);
     if (e->flags[conemap__flag_colors]) conemap__snippet_named(e, "conemap_color", 13);
-    if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_main, 0);
+    if (e->flags[conemap__flag_fragment]) {
+        conemap__lines(e, conemap__shade_interface, 0);
+        conemap__lines(e, conemap__shade_main, 0);
+    }
 }
 
 /* ======================================================================================================
@@ -13425,7 +14189,8 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
         {CONEMAP_FRUSTA_TEXTURE, 0, 1, 1, 0}, {CONEMAP_FRUSTA_TEXTURE, 1, 1, 1, 0},
         {CONEMAP_FRUSTA_TEXELS, 0, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
-        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}};
+        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}, {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0},
+        {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0}};
     conemap_shader_desc *s = &e->desc;
     unsigned char *f = e->flags;
     conemap_skeleton_trace_desc trace;
@@ -13479,6 +14244,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         if (d->shade && e->given[k] && strcmp(d->shade, e->given[k]) == 0) return CONEMAP_ERROR_PARAMETER;
     if (!conemap__is_name(d->shade)) return CONEMAP_ERROR_PARAMETER;
     e->given[7] = d->shade; /* there are no octants */
+    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     if (d->source == CONEMAP_FRUSTA_DEFAULT)
         d->source = (conemap_frusta_source)sources[d->dialect][0];
     else if (!sources[d->dialect][d->source])

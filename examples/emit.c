@@ -7,7 +7,8 @@
 #include <stdlib.h>
 
 static const char *const dialects[] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
-                                       "es310",   "hlsl50",  "hlsl60",  "c99",    NULL};
+                                       "es310",   "hlsl50",  "hlsl60",  "c99",    "wgsl",
+                                       "msl",     NULL};
 static const char *const stages[] = {"functions", "fragment", "compute", "vertex", NULL};
 static const char *const tracers[] = {"default",    "exact",    "linear", "fixed", "loop",
                                       "exact-step", "cell-max", "maxmip", "qdm",   NULL};

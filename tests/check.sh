@@ -386,6 +386,52 @@ need "shaders in C" gcc && part "shaders in C" shaders c
 need "shaders in GLSL" gcc glslangValidator spirv-val && part "shaders in GLSL" shaders glsl
 need "frusta shaders in C" gcc && part "frusta shaders in C" shaders c frusta_variants
 need "frusta shaders in GLSL" gcc glslangValidator spirv-val && part "frusta shaders in GLSL" shaders glsl frusta_variants
+need "shaders in MSL" gcc clang++ && part "shaders in MSL" shaders msl
+# MSL is run as C++, with tests/gpu/metal_stdlib in Metal's place.
+metal() {
+    gcc -std=c99 -O2 -I. tests/gpu/dialects.c -o "$dir/writer" -lm && "$dir/writer" texts "$dir" &&
+        clang++ -x c++ -std=c++14 -O1 -ffp-contract=off -Wno-unknown-attributes -I. -Itests/gpu -I"$dir" \
+            -DCALLS='"calls.h"' tests/gpu/dialects.c -o "$dir/run" || return 1
+    "$dir/run" run || return 1
+    tail -n 1 "$dir/log" >>"$work/counts"
+}
+need "shaders in MSL, run" gcc clang++ && part "shaders in MSL, run" metal
+# WGSL_MODULES: the folder that npm put webgpu@0.6.2 and naga-wasm@30.1.0 into, or npm is asked for them.
+modules() {
+    [ -n "${WGSL_MODULES:-}" ] && return 0
+    WGSL_MODULES=$PWD/$work/npm/node_modules
+    export WGSL_MODULES
+    [ -d "$WGSL_MODULES/naga-wasm" ] && return 0
+    mkdir -p "$work/npm"
+    (cd "$work/npm" && echo '{}' >package.json &&
+        timeout 300 npm install --silent --ignore-scripts webgpu@0.6.2 naga-wasm@30.1.0 >/dev/null 2>&1)
+}
+webgpu() { # on SwiftShader, which comes with Chromium
+    gcc -std=c99 -O2 -I. tests/gpu/dialects.c -o "$dir/dialects" -lm && "$dir/dialects" write "$dir" || return 1
+    mkdir -p "$dir/xdg"
+    XDG_RUNTIME_DIR=$PWD/$dir/xdg VK_ICD_FILENAMES=$swiftshader \
+        node tests/gpu/wgsl.mjs "$WGSL_MODULES" run "$dir" || return $?
+    "$dir/dialects" compare "$dir" || return 1
+    rm -f "$dir"/*.in "$dir"/*.out
+    tail -n 1 "$dir/log" >>"$work/counts"
+}
+swiftshader=${SWIFTSHADER:-/usr/lib/chromium/vk_swiftshader_icd.json}
+case "shaders in WGSL, run" in
+*"$only"*)
+    if need "shaders in WGSL" gcc node npm; then
+        if modules; then
+            part "shaders in WGSL" shaders wgsl
+            if [ -f "$swiftshader" ]; then
+                part "shaders in WGSL, run" webgpu
+            else
+                skip "shaders in WGSL, run" "SwiftShader (Chromium's; SWIFTSHADER can name its ICD file)"
+            fi
+        else
+            skip "shaders in WGSL" "webgpu and naga-wasm (npm could not fetch them; WGSL_MODULES can name a folder)"
+        fi
+    fi
+    ;;
+esac
 # HLSL_DLLS: a folder with Microsoft's compilers, or npm fetches the packages that hold them.
 dlls() {
     [ -n "${HLSL_DLLS:-}" ] && return 0

@@ -4,6 +4,8 @@
 #   glsl    glslangValidator on all GLSL dialects, or glslc for Vulkan's where it is there, and spirv-val on those
 #   c       gcc with all warnings on the C
 #   hlsl    Microsoft's compilers under wine; HLSL_DLLS is a folder with msfxc.dll, msfxc_old.dll, msdxc.dll
+#   wgsl    Tint and naga in node; WGSL_MODULES is the folder that npm put webgpu and naga-wasm into
+#   msl     clang, with metal_stdlib beside this file in Metal's place
 #   hlslrun a choice of HLSL run on a software GPU, by way of SPIR-V and GLSL: through Microsoft's compiler if HLSL_DLLS has
 #           one that writes SPIR-V (msdxc_spirv.dll), else through glslang
 part=$1
@@ -71,6 +73,23 @@ c)
     write c99
     (cd "$dir/c99" && ls | xargs -n 50 gcc -std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Werror \
         -fsyntax-only) || failed=1
+    ;;
+wgsl)
+    write wgsl
+    node "$here/wgsl.mjs" "$WGSL_MODULES" judge "$dir/wgsl" >"$dir/wgsl.log" 2>&1 || failed=1
+    tail -n 12 "$dir/wgsl.log"
+    ;;
+msl)
+    write msl
+    { # each in a namespace of its own: as one file they take seconds
+        echo '#include <metal_stdlib>'
+        for file in "$dir"/msl/*.metal; do
+            name=${file##*/}
+            printf 'namespace item%s {\n#include "%s"\n}\n' "${name%%_*}" "$name"
+        done
+    } >"$dir/msl/all.cc"
+    clang++ -std=c++14 -fsyntax-only -Wall -Wextra -Werror -Wno-unknown-attributes -Wno-unused-function \
+        -Wno-missing-field-initializers -I"$here" "$dir/msl/all.cc" || failed=1
     ;;
 hlsl)
     x86_64-w64-mingw32-gcc -O1 "$here/hlsl.c" -o "$dir/hlsl.exe" || exit 1

@@ -127,6 +127,115 @@ static void shade_host(const conemap_shader_desc *d)
     put(line);
 }
 
+/* The same in WGSL and MSL, where a host that fetches or has textures has a struct around all. */
+static void wrap_new(const conemap_shader_desc *d)
+{
+    const int wgsl = d->dialect == CONEMAP_WGSL, functions = d->stage == CONEMAP_STAGE_FUNCTIONS;
+    const int cones = d->trace.tracer != CONEMAP_TRACE_LINEAR && d->trace.tracer < CONEMAP_TRACE_MAXMIP;
+    const int heights = !cones || d->map.texture.sectors > 1, blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP;
+    const int lod = (d->flags & CONEMAP_EFFECT_LOD) != 0, own = !wgsl && (d->external || d->fetch);
+    const int set = (d->flags & (CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW |
+                                 CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY | CONEMAP_EFFECT_HOLES |
+                                 CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) != 0;
+    const int graded = (d->flags & (CONEMAP_EFFECT_UV | CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) != 0;
+    const char *p = d->prefix ? d->prefix : "conemap", *place = d->filter == CONEMAP_FILTER_HARDWARE ? "float" : "int";
+    const char *array = d->array ? "_array" : "";
+    char line[1000], call[400];
+    int k;
+    whole[0] = 0;
+    if (own) put("#include <metal_stdlib>\nusing namespace metal;\nstruct host {\n");
+    for (k = 0; d->external && k < 5; ++k) {
+        static const char *const given[5] = {"bumps", "soil", "tops", "eighths", "alpha"},
+                                 *const plain[5] = {"map", "heights", "maxima", "octants", "alpha"};
+        sprintf(call, "%s%s%s", d->prefix && k < 4 ? "" : p, d->prefix && k < 4 ? "" : "_",
+                d->prefix ? given[k] : plain[k]);
+        if (k == 4 && (d->fetch || !d->flags)) continue;
+        if (wgsl)
+            sprintf(line, "@group(0) @binding(%d) var %s: texture_2d%s<f32>;\n", k + 7, call, array);
+        else
+            sprintf(line, "texture2d%s<float> %s;\n", array, call);
+        put(line);
+    }
+    if (d->external) {
+        sprintf(call, "%s", d->prefix ? "plain" : "conemap_sampler");
+        sprintf(line, wgsl ? "@group(0) @binding(13) var %s: sampler;\n" : "sampler %s;\n", call);
+        put(line);
+    }
+    if (d->flags && (d->external || own)) {
+        sprintf(line,
+                wgsl ? "@group(0) @binding(14) var %s_colors: texture_2d<f32>;\n"
+                       "@group(0) @binding(15) var %s_color_sampler: sampler;\n"
+                     : "texture2d<float> %s_colors;\nsampler %s_color_sampler;\n",
+                p, p);
+        put(line);
+    }
+    put(text);
+    if (d->fetch) {
+        static const char *const names[3] = {"host_fetch", "host_cones", "host_maxima"};
+        for (k = 0; k < 4; ++k) {
+            const int pair = k == 0 && !heights;
+            if ((k == 1 && !(cones && heights)) || (k == 2 && !blocks) || (k == 3 && !(d->flags & CONEMAP_EFFECT_HOLES)))
+                continue;
+            sprintf(call, "%s%s", k == 3 ? p : "", k == 3 ? "_alpha" : names[k]);
+            if (wgsl)
+                sprintf(line, "fn %s(i: %s, j: %s%s%s%s) -> %s {\n    return %s(0.01 * f32(i + j)%s);\n}\n", call,
+                        k < 2 && place[0] == 'f' ? "f32" : "i32", k < 2 && place[0] == 'f' ? "f32" : "i32",
+                        k == 1   ? ", sector: i32"
+                        : k == 2 ? ", level: i32"
+                                 : "",
+                        d->array ? ", slice: i32" : "", lod && k == 0 ? ", level: i32" : "", pair ? "vec2f" : "f32",
+                        pair ? "vec2f" : "f32", k == 1 ? " * f32(sector)" : "");
+            else
+                sprintf(line, "%s %s(%s i, %s j%s%s%s) {\n    return %s(0.01f * float(i + j)%s);\n}\n",
+                        pair ? "float2" : "float", call, k < 2 ? place : "int", k < 2 ? place : "int",
+                        k == 1   ? ", int sector"
+                        : k == 2 ? ", int"
+                                 : "",
+                        d->array ? ", int" : "", lod && k == 0 ? ", int" : "", pair ? "float2" : "float",
+                        k == 1 ? " * float(sector)" : "");
+            put(line);
+        }
+    }
+    if (!functions) return;
+    if (d->flags)
+        sprintf(call, "%s_shade(%shost_frame, host_ray, -host_ray", p, set ? "host_effects, " : "");
+    else
+        sprintf(call, wgsl ? "%s_%s(host_ray, vec3f(host_ray.xy, -1.0)" : "%s_%s(host_ray, float3(host_ray.xy, -1.0f)", p,
+                d->trace.any_hit ? "any_hit" : "trace");
+    if (d->t_range) strcat(call, wgsl ? ", 0.1, 2.0" : ", 0.1f, 2.0f");
+    if (d->run_time_cap) strcat(call, ", 50");
+    if (d->flags && graded) strcat(call, ", host_gradient");
+    if (d->atlas) strcat(call, wgsl ? ", vec4i(1, 2, 3, 4)" : ", int4(1, 2, 3, 4)");
+    if (d->fetch && !d->fixed_size && !d->atlas) strcat(call, wgsl ? ", vec2i(3, 4)" : ", int2(3, 4)");
+    if (d->array) strcat(call, ", 1");
+    strcat(call, d->trace.any_hit ? ")" : ").found");
+    line[0] = 0;
+    if (wgsl) {
+        if (d->flags) {
+            sprintf(line, "@group(1) @binding(0) var<uniform> host_frame: %s_frame;\n", p);
+            if (set) sprintf(line + strlen(line), "@group(1) @binding(1) var<uniform> host_effects: %s_effects;\n", p);
+            strcat(line, "@group(1) @binding(2) var<uniform> host_gradient: vec4f;\n");
+        }
+        sprintf(line + strlen(line),
+                "@fragment\nfn host_main(@location(0) host_ray: vec3f) -> @location(0) vec4f {\n"
+                "    return vec4f(select(0.0, 1.0, %s));\n}\n", call);
+    } else {
+        char more[200];
+        more[0] = 0;
+        if (d->flags) sprintf(more, ", %s%s_frame host_frame, float4 host_gradient", own ? "" : "S::", p);
+        if (set) sprintf(more + strlen(more), ", %s%s_effects host_effects", own ? "" : "S::", p);
+        if (own)
+            sprintf(line, "float4 host_run(float3 host_ray%s) {\n%s    return float4(%s ? 1.0f : 0.0f);\n}\n};\n", more,
+                    d->flags && !graded ? "    (void)host_gradient;\n" : "", call);
+        else
+            sprintf(line,
+                    "typedef %s_shader S;\nfloat4 host_run(S shader, float3 host_ray%s);\n"
+                    "float4 host_run(S shader, float3 host_ray%s) {\n%s    return float4(shader.%s ? 1.0f : 0.0f);\n}\n",
+                    p, more, more, d->flags && !graded ? "    (void)host_gradient;\n" : "", call);
+    }
+    put(line);
+}
+
 /* What a host writes around functions, and the functions that it was asked for. */
 static void wrap(const conemap_shader_desc *d)
 {
@@ -137,6 +246,10 @@ static void wrap(const conemap_shader_desc *d)
     const int vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN;
     const char *prefix = d->prefix ? d->prefix : "conemap", *slice = d->array ? ", int slice" : "";
     char line[600];
+    if (d->dialect == CONEMAP_WGSL || d->dialect == CONEMAP_MSL) {
+        wrap_new(d);
+        return;
+    }
     whole[0] = 0;
     if (functions && !hlsl && !c) {
         sprintf(line, "#version %s\n", versions[d->dialect]);

@@ -6,9 +6,11 @@
 
 enum { DIALECT_COUNT = CONEMAP_DIALECT_COUNT };
 static const char *const dialects[DIALECT_COUNT] = {"glsl330", "glsl430", "glsl450", "vulkan", "es300",
-                                                    "es310",   "hlsl50",  "hlsl60",  "c99"};
+                                                    "es310",   "hlsl50",  "hlsl60",  "c99",    "wgsl",
+                                                    "msl"};
 static const char *const versions[DIALECT_COUNT] = {"330 core", "430 core", "450 core", "450", "300 es",
-                                                    "310 es",   "",         "",         ""};
+                                                    "310 es",   "",         "",         "",    "",
+                                                    ""};
 
 static char text[131072], whole[262144];
 static char (*seen)[20];
@@ -49,6 +51,8 @@ static void write_whole(conemap_dialect dialect, const char *kind)
 {
     const char *ending = dialect == CONEMAP_C99                                     ? "c"
                          : dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60 ? "hlsl"
+                         : dialect == CONEMAP_WGSL                                  ? "wgsl"
+                         : dialect == CONEMAP_MSL                                   ? "metal"
                          : strcmp(kind, "compute") == 0                             ? "comp"
                          : strcmp(kind, "vertex") == 0                              ? "vert"
                                                                                     : "frag";

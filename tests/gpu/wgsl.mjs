@@ -1,0 +1,161 @@
+// Emitted WGSL in Dawn (npm webgpu) and naga (npm naga-wasm), MODULES being the folder that npm put them into:
+//   node wgsl.mjs MODULES judge FILE...   compiles; what either says of a text, a warning too, is a failure
+//   node wgsl.mjs MODULES run FOLDER      runs what dialects.c has written, on whatever Vulkan offers; 77: nothing
+import { existsSync, readFileSync, readdirSync, writeFileSync } from 'node:fs';
+import { join, resolve } from 'node:path';
+
+const [modules, what, ...rest] = process.argv.slice(2);
+const { create, globals } = await import(join(resolve(modules), 'webgpu/index.js'));
+Object.assign(globalThis, globals);
+globalThis.gpu = create([what === 'run' ? 'backend=vulkan' : 'backend=null']); // kept: it must outlive the device
+
+async function judge(files) {
+  const { parseWgsl, validate } = await import(join(resolve(modules), 'naga-wasm/dist/node.js'));
+  const device = await (await gpu.requestAdapter()).requestDevice();
+  let bad = 0;
+  const complain = (file, words) => {
+    if (++bad <= 10) console.log(`${file}: ${words}`);
+  };
+  for (const file of files) {
+    const code = readFileSync(file, 'utf8');
+    device.pushErrorScope('validation');
+    const { messages } = await device.createShaderModule({ code }).getCompilationInfo();
+    await device.popErrorScope();
+    for (const m of messages) complain(file, `Tint, line ${m.lineNum}: ${m.message}`);
+    try {
+      const module = parseWgsl(code);
+      validate(module).free();
+      module.free();
+    } catch (error) {
+      complain(file, `naga: ${error}`);
+    }
+  }
+  console.log(`wgsl: ${files.length} texts through Tint and naga, ${bad} complaints`);
+  return bad ? 1 : 0;
+}
+
+// A point for each ray, that a fragment shader gets.
+const vertices = `
+struct to_fragment {
+    @builtin(position) place: vec4f,
+    @location(0) origin: vec3f,
+    @location(1) direction: vec3f,
+}
+@group(1) @binding(0) var<storage, read> rays: array<vec4f>;
+@vertex
+fn vertices(@builtin(vertex_index) n: u32) -> to_fragment {
+    let p = (vec2f(f32(n % 32u), f32(n / 32u)) + 0.5) / 16.0 - 1.0;
+    return to_fragment(vec4f(p.x, -p.y, 0.0, 1.0), rays[2u * n].xyz, rays[2u * n + 1u].xyz);
+}`;
+
+async function run(folder) {
+  const adapter = await gpu.requestAdapter();
+  if (!adapter || !adapter.features.has('float32-filterable')) {
+    console.log('no Vulkan device that filters floats');
+    return 77;
+  }
+  console.log(adapter.info.description);
+  const device = await adapter.requestDevice({ requiredFeatures: ['float32-filterable'] });
+  let failed = 0;
+  device.onuncapturederror = ({ error }) => {
+    if (++failed <= 10) console.log(error.message);
+  };
+  for (let n = 0; existsSync(join(folder, `${n}.wgsl`)); ++n) {
+    const is = JSON.parse(readFileSync(join(folder, `${n}.json`), 'utf8'));
+    const code = readFileSync(join(folder, `${n}.wgsl`), 'utf8'), count = is.rays_count;
+    const module = device.createShaderModule({ code });
+    const targets = Array(is.targets).fill({ format: 'rgba32float' });
+    const pipeline = is.compute
+      ? device.createComputePipeline({ layout: 'auto', compute: { module, entryPoint: is.entry } })
+      : device.createRenderPipeline({
+          layout: 'auto',
+          vertex: { module: device.createShaderModule({ code: vertices }), entryPoint: 'vertices' },
+          fragment: { module, entryPoint: is.entry, targets },
+          primitive: { topology: 'point-list' },
+        });
+    for (let kind = 0; existsSync(join(folder, `${n}_${kind}.in`)); ++kind) {
+      const { buffer: file, byteOffset, byteLength } = readFileSync(join(folder, `${n}_${kind}.in`));
+      const data = file.slice(byteOffset, byteOffset + byteLength), made = [], entries = [];
+      let at = 48;
+      const bufferOf = (bytes, usage) => {
+        const buffer = device.createBuffer({ size: bytes.byteLength, usage: usage | GPUBufferUsage.COPY_DST });
+        device.queue.writeBuffer(buffer, 0, bytes);
+        made.push(buffer);
+        return buffer;
+      };
+      const given = bufferOf(data.slice(0, 48), GPUBufferUsage.UNIFORM);
+      if (is.given >= 0) entries.push({ binding: is.given, resource: { buffer: given } });
+      for (const binding of is.images) {
+        const [width, height, slices, levels] = new Int32Array(data, at, 4);
+        at += 16;
+        const texture = device.createTexture({
+          size: [width, height, slices],
+          mipLevelCount: levels,
+          format: 'rgba32float',
+          usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST,
+        });
+        made.push(texture);
+        for (let mipLevel = 0; mipLevel < levels; ++mipLevel) {
+          const w = width >> mipLevel, h = height >> mipLevel, size = w * h * slices * 16;
+          device.queue.writeTexture(
+            { texture, mipLevel }, data.slice(at, at + size), { bytesPerRow: w * 16, rowsPerImage: h }, [w, h, slices]);
+          at += size;
+        }
+        const resource = texture.createView({ dimension: is.array ? '2d-array' : '2d' });
+        if (binding >= 0) entries.push({ binding, resource });
+      }
+      if (is.sampler >= 0) {
+        const mode = (wraps) => (wraps ? 'repeat' : 'clamp-to-edge');
+        const resource = device.createSampler({
+          addressModeU: mode(is.wrap[0]), addressModeV: mode(is.wrap[1]), magFilter: 'linear', minFilter: 'linear' });
+        entries.push({ binding: is.sampler, resource });
+      }
+      const rays = bufferOf(data.slice(at), GPUBufferUsage.STORAGE), size = count * 16 * is.targets;
+      const hits = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC | GPUBufferUsage.COPY_DST });
+      const back = device.createBuffer({ size, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
+      made.push(hits, back);
+      const encoder = device.createCommandEncoder();
+      if (is.compute) {
+        entries.push({ binding: is.rays, resource: { buffer: rays } }, { binding: is.rays + 1, resource: { buffer: hits } });
+        const pass = encoder.beginComputePass();
+        pass.setPipeline(pipeline);
+        pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
+        pass.dispatchWorkgroups(count / 64);
+        pass.end();
+        encoder.copyBufferToBuffer(hits, 0, back, 0, size);
+      } else {
+        const pictures = targets.map(({ format }) => device.createTexture({
+          size: [32, 32], format, usage: GPUTextureUsage.RENDER_ATTACHMENT | GPUTextureUsage.COPY_SRC }));
+        made.push(...pictures);
+        const pass = encoder.beginRenderPass({
+          colorAttachments: pictures.map((picture) => ({
+            view: picture.createView(), loadOp: 'clear', storeOp: 'store', clearValue: [0, 0, 0, -1] })),
+        });
+        pass.setPipeline(pipeline);
+        pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
+        pass.setBindGroup(1, device.createBindGroup({
+          layout: pipeline.getBindGroupLayout(1), entries: [{ binding: 0, resource: { buffer: rays } }] }));
+        pass.draw(count);
+        pass.end();
+        pictures.forEach((texture, k) => encoder.copyTextureToBuffer(
+          { texture }, { buffer: back, offset: k * count * 16, bytesPerRow: 512 }, [32, 32]));
+      }
+      device.queue.submit([encoder.finish()]);
+      await back.mapAsync(GPUMapMode.READ);
+      const answers = new Float32Array(back.getMappedRange().slice(0)), out = new Float32Array(answers.length);
+      for (let k = 0; k < count; ++k) // targets come one after the other, hits with their numbers beside them
+        for (let t = 0; t < is.targets; ++t)
+          for (let c = 0; c < 4; ++c)
+            out[(k * is.targets + t) * 4 + c] = answers[is.compute ? (k * is.targets + t) * 4 + c : (t * count + k) * 4 + c];
+      writeFileSync(join(folder, `${n}_${kind}.out`), out);
+      back.unmap();
+      for (const thing of made) thing.destroy();
+    }
+  }
+  if (failed) console.log(`${failed} errors`);
+  return failed ? 1 : 0;
+}
+
+const list = (place) => (existsSync(join(place, '.')) && !place.endsWith('.wgsl')
+  ? readdirSync(place).filter((name) => name.endsWith('.wgsl')).map((name) => join(place, name)) : [place]);
+process.exit(what === 'run' ? await run(rest[0]) : await judge(rest.flatMap(list)));
