@@ -10098,6 +10098,8 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "?lod     c.coarse = conemap_lay(o, d, float(next.x), float(next.y), 0.5f);\n"
      "?lod     c.weight = weight;\n"
      "?holes     c.leaf = conemap_lay(o, d, $FW, $FH, 0.0f);\n"
+     "?holes     c.leaf.x += 4e-7f * $FW; // a border on which it begins is behind it\n"
+     "?holes     c.leaf.y += 4e-7f * $FH;\n"
      "?holes     c.alpha_cut = alpha_cut;\n"
      "?holes     c.wall = 0;\n"
      "?holes     c.hole = true; // what is met at once is met from outside\n"
@@ -14018,8 +14020,10 @@ static int conemap__take_off(const conemap__scene *scene, const double o[2], con
     }
     f->cones = !relaxed;
     f->lattices = scene->maps;
-    if (scene->alpha)
+    if (scene->alpha) {
+        for (k = 0; k < 2; ++k) at[k] += v[k] < 0.0 ? -1e-12 : 1e-12; /* a border on which it begins is behind it */
         conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, v, &f->lattice[f->lattices++]);
+    }
     return 1;
 }
 
@@ -14654,13 +14658,13 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
     if (hit->status == CONEMAP_HIT) hit->z = view->basis.level;
 }
 
-/* The hole under a hit; 0 if its texel is solid. */
-static int conemap__in_hole(const conemap__scene *scene, const conemap_hit *hit) {
+/* Is there a hole under a hit, or just behind it? A flight from there on tells which. */
+static int conemap__in_hole(const conemap__scene *scene, const conemap_ray *ray, const conemap_hit *hit) {
     const conemap_info *info = &scene->map[0]->info;
     double at[2], still[2] = {0.0, 0.0};
     conemap__course f;
-    at[0] = (double)hit->u;
-    at[1] = (double)hit->v;
+    at[0] = (double)hit->u + (ray->direction[0] < 0.0f ? -1e-6 : 1e-6);
+    at[1] = (double)hit->v + (ray->direction[1] < 0.0f ? -1e-6 : 1e-6);
     f.scene = scene;
     conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, still, &f.lattice[scene->maps]);
     return conemap__over_hole(&f);
@@ -14831,7 +14835,7 @@ static void conemap__trace_views(const conemap_map *map, const conemap_trace_des
                           !(view->box.t_max != 0.0f && hits[k].t >= view->box.t_max)))
             hits[k].status = CONEMAP_LEFT;
         if (hits[k].status != CONEMAP_HIT) continue;
-        if (view->scene.alpha && conemap__in_hole(&view->scene, &hits[k])) {
+        if (view->scene.alpha && conemap__in_hole(&view->scene, &view->box, &hits[k])) {
             int steps = hits[k].steps;
             conemap__fly_ray(view, (double)hits[k].t, max_steps, &hits[k]);
             hits[k].steps += steps;

@@ -65,7 +65,7 @@ static inline void shade_settings(struct zoo_random *random, unsigned flags, con
     e->light_is_point = zoo_below(random, 2);
     e->light_radius = 0.05f;
     e->sky_directions = 5;
-    e->sky_reach = zoo_below(random, 2) ? 0.5f : 0.0f;
+    e->sky_reach = zoo_below(random, 2) ? 0.5f : 4.0f;
 }
 
 /* What a frame's shape is: uv_scale, depth, level and curvature. */
@@ -155,11 +155,11 @@ static inline int shade_on_edge(const conemap_map *map, const conemap_trace_desc
                                 const struct shade_answer *answer, struct zoo_random *random)
 {
     int tries, axis;
-    for (tries = 0; tries < 400; ++tries) {
+    for (tries = 0; tries < 90; ++tries) {
         conemap_ray beside = job->ray;
         conemap_hit hit;
         conemap_shading s;
-        const float hair = tries < 100 ? 1e-5f : tries < 250 ? 1e-4f : 1e-3f;
+        const float hair = tries < 30 ? 1e-5f : tries < 60 ? 1e-4f : 1e-3f;
         memset(&s, 0, sizeof s);
         for (axis = 0; axis < 3; ++axis) beside.origin[axis] += hair * shade_signed(random);
         conemap_shade(map, trace, &job->e, &beside, &hit, &s, 1);
@@ -237,19 +237,39 @@ struct shade_bound {
     unsigned char alpha[SHADE_MOST * SHADE_MOST];
 };
 
-#define SHADE_TEXEL(p, level)                                                                                      \
-    const conemap_map *map = &shade_bound.levels[(level) < 0 || (level) >= SHADE_LEVELS ? 0 : (level)];            \
-    p##_vec2 v = {0.0f, 0.0f};                                                                                     \
-    if (!CHECK((level) >= 0 && (level) < SHADE_LEVELS && i >= 0 && j >= 0 && i < map->info.width &&                \
-                   j < map->info.height, "fetch %d %d %d", i, j, (level)))                                         \
-        return v;                                                                                                  \
-    v.x = map->heights[j * map->info.width + i];                                                                   \
-    v.y = map->cones[j * map->info.width + i];                                                                     \
+/* Where a plane of a level has a texel; -1 for what no shader may ask for. */
+static inline int shade_at(const struct shade_bound *bound, int i, int j, int level)
+{
+    const conemap_info *info = &bound->levels[level >= 0 && level < SHADE_LEVELS ? level : 0].info;
+    if (level < 0 || level >= SHADE_LEVELS || i < 0 || j < 0 || i >= info->width || j >= info->height) return -1;
+    return j * info->width + i;
+}
+
+#define SHADE_VALUE(values, level) (at < 0 ? 0.0f : shade_bound.levels[level].values)
+#define SHADE_PLACE(level)                               \
+    const int at = shade_at(&shade_bound, i, j, level);  \
+    CHECK(at >= 0, "fetch %d %d %d", i, j, level);
+#define SHADE_TEXEL(p, level)                 \
+    p##_vec2 v;                               \
+    SHADE_PLACE(level)                        \
+    v.x = SHADE_VALUE(heights[at], level);    \
+    v.y = SHADE_VALUE(cones[at], level);      \
     return v;
-#define SHADE_FETCH(p) \
-    p##_vec2 p##_fetch(int i, int j) { SHADE_TEXEL(p, 0) }
-#define SHADE_FETCH_LEVEL(p) \
-    p##_vec2 p##_fetch(int i, int j, int level) { SHADE_TEXEL(p, level) }
+#define SHADE_HEIGHT(level) SHADE_PLACE(level) return SHADE_VALUE(heights[at], level);
+#define SHADE_SECTOR(level)                                                                             \
+    const conemap_info *info = &shade_bound.levels[0].info;                                             \
+    SHADE_PLACE(level)                                                                                  \
+    if (!CHECK(sector >= 0 && sector < info->texture.sectors, "sector %d", sector)) return 0.0f;        \
+    info = &shade_bound.levels[level].info;                                                             \
+    return SHADE_VALUE(cones[sector * info->width * info->height + at], level);
+#define SHADE_FETCH(p) p##_vec2 p##_fetch(int i, int j) { SHADE_TEXEL(p, 0) }
+#define SHADE_FETCH_LEVEL(p) p##_vec2 p##_fetch(int i, int j, int level) { SHADE_TEXEL(p, level) }
+#define SHADE_FETCH_SECTORS(p)                          \
+    float p##_fetch(int i, int j) { SHADE_HEIGHT(0) }   \
+    float p##_cones(int i, int j, int sector) { SHADE_SECTOR(0) }
+#define SHADE_FETCH_SECTORS_LEVEL(p)                                \
+    float p##_fetch(int i, int j, int level) { SHADE_HEIGHT(level) } \
+    float p##_cones(int i, int j, int sector, int level) { SHADE_SECTOR(level) }
 #define SHADE_ALPHA(p)                                                                                             \
     float p##_alpha(int i, int j)                                                                                  \
     {                                                                                                              \

@@ -267,6 +267,8 @@ static bent_course bent_take_off(bent_basis b, bent_vec3 o, bent_vec3 d, bent_ve
     c.coarse = bent_lay(o, d, (float)(next.x), (float)(next.y), 0.5f);
     c.weight = weight;
     c.leaf = bent_lay(o, d, (float)(size.x), (float)(size.y), 0.0f);
+    c.leaf.x += 4e-7f * (float)(size.x); // a border on which it begins is behind it
+    c.leaf.y += 4e-7f * (float)(size.y);
     c.alpha_cut = alpha_cut;
     c.wall = 0;
     c.hole = true; // what is met at once is met from outside

@@ -189,6 +189,8 @@ static sieve_course sieve_take_off(sieve_vec3 o, sieve_vec3 d, sieve_vec2 range,
     sieve_course c;
     c.cell = sieve_lay(o, d, (float)(size.x), (float)(size.y), 0.5f);
     c.leaf = sieve_lay(o, d, (float)(size.x), (float)(size.y), 0.0f);
+    c.leaf.x += 4e-7f * (float)(size.x); // a border on which it begins is behind it
+    c.leaf.y += 4e-7f * (float)(size.y);
     c.alpha_cut = alpha_cut;
     c.wall = 0;
     c.hole = true; // what is met at once is met from outside
