@@ -134,7 +134,8 @@ static inline unsigned shade_differs(unsigned flags, const conemap_hit *hit, con
     const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
     const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
     const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
-    const int found = hit->status == CONEMAP_HIT || hit->status == CONEMAP_STEP_CAP;
+    const int capped = hit->status == CONEMAP_STEP_CAP && (flags & CONEMAP_EFFECT_LOD); /* shaders shade no others */
+    const int found = hit->status == CONEMAP_HIT || capped;
     float place[3];
     if (found != a->found) return 1;
     if (!found) return 0;
