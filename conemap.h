@@ -832,8 +832,8 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
      - UV also writes conemap_color(shading), which samples the texture conemap_colors by textureGrad or SampleGrad.
    What is found is shaded; where the step cap of LOD ends a ray, it is found and shaded where it is. CURVED, LOD, HOLES
    and both shadows and SKY need the EXACT tracer, FETCH and cones that are not relaxed; normals and OCCLUSION FETCH;
-   LOD neither fixed_size nor atlas; else UNSUPPORTED, as with any_hit, steps, status, run_time_cap, COMPUTE and cones
-   of sectors.
+   LOD neither fixed_size nor atlas; else UNSUPPORTED, as with any_hit, steps, status and run_time_cap. With cones of
+   sectors every ray, to a light or the sky as well, reads its own sector's; OCCLUSION the narrowest of all.
 
    FRAGMENT with effects gets per vertex: conemap_origin (the viewer) and conemap_direction (from there to the vertex,
    so t = 1 at the surface), conemap_frame_tangent, _bitangent and _normal, conemap_point (the vertex in the world),
@@ -842,6 +842,10 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    and the arguments.
    Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked
    for; and the depth. Fragments that hit nothing are discarded.
+
+   COMPUTE with effects has the same uniforms and reads eight float4 a ray: origin and t_min, direction and t_max,
+   tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the depth
+   as the first number of one more. Its buffers follow the textures and Vulkan's block. WGSL and MSL lack it: UNSUPPORTED.
 
    WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the order
    of the text.
@@ -8862,7 +8866,7 @@ static const char conemap__head_text[] =
 
 static const char conemap__host_text[] =
     "$TEXEL_TYPE $FETCH_NAME($FETCH_PARAMS);\n"
-    "?sectors float $FETCH_CONES_NAME($FETCH_PLACE, int sector$SLICE_PARAM);\n"
+    "?sectors float $FETCH_CONES_NAME($FETCH_PLACE, int sector$SLICE_PARAM$LEVEL_PARAM);\n"
     "?host_maxima float $FETCH_MAXIMA_NAME(int i, int j, int level$SLICE_PARAM);\n"
     "\n";
 
@@ -9172,6 +9176,7 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
             (d->set != 0 && !f[conemap__flag_vulkan] && !f[conemap__flag_wgsl] && d->dialect != CONEMAP_HLSL_60) ||
             (d->sampler_binding != 0 && !f[conemap__flag_returns]) ||
             (f[conemap__flag_msl] && !f[conemap__flag_wrapped] && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
+            (f[conemap__flag_given] && d->stage == CONEMAP_STAGE_COMPUTE && d->flags != 0) ||
             (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
             (f[conemap__flag_c] && (d->stage != CONEMAP_STAGE_FUNCTIONS || !d->fetch || d->binding != 0)) ||
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
@@ -9534,8 +9539,7 @@ static void conemap__make_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "FETCH_PLACE", 0, f[conemap__flag_hardware] ? "float u, float v" : "int i, int j");
     conemap__piece_set(e, "STORED_CONE", 0,
                        filtered ? (array ? "$FETCH_CONES_NAME(u, v, sector, slice)" : "$FETCH_CONES_NAME(u, v, sector)")
-                       : array  ? "$FETCH_CONES_NAME($I, $J, sector, slice)"
-                                : "$FETCH_CONES_NAME($I, $J, sector)");
+                                : "$FETCH_CONES_NAME($I, $J, sector$LAYER)");
     for (k = 0; k < 2; ++k) {
         out = conemap__piece_new(e, k == 0 ? "QUADRANTS" : "OCTANTS", 0);
         if (filtered)
@@ -9749,8 +9753,10 @@ static conemap_result conemap__emit_once(const conemap_shader_desc *desc, char *
     if (!e.flags[conemap__flag_flight]) conemap__write_trace(&e);
     if (e.flags[conemap__flag_shading])
         conemap__write_effects(&e);
-    else if (e.flags[conemap__flag_fragment]) conemap__lines(&e, conemap__fragment_text, 0);
-    if (e.flags[conemap__flag_compute]) conemap__lines(&e, conemap__compute_text, 0);
+    else if (e.flags[conemap__flag_fragment])
+        conemap__lines(&e, conemap__fragment_text, 0);
+    else if (e.flags[conemap__flag_compute])
+        conemap__lines(&e, conemap__compute_text, 0);
     if (desc->stage == CONEMAP_STAGE_FUNCTIONS) conemap__lines(&e, conemap__functions_end, 0);
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
@@ -10864,11 +10870,11 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "?nothing_v     j = clamp(j, 0, $H - 2);\n"
      "    x -= float(i);\n"
      "    y -= float(j);\n"
-     "?cones     vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + 1, j$MAP);\n"
-     "?cones     vec2 c = conemap_texel(i, j + 1$MAP), d = conemap_texel(i + 1, j + 1$MAP);\n"
-     "?cones     vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
-     "?!cones     vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + 1, j$MAP),\n"
-     "?!cones                         conemap_texel(i, j + 1$MAP), conemap_texel(i + 1, j + 1$MAP));\n"
+     "?both     vec2 a = conemap_texel(i, j$MAP), b = conemap_texel(i + 1, j$MAP);\n"
+     "?both     vec2 c = conemap_texel(i, j + 1$MAP), d = conemap_texel(i + 1, j + 1$MAP);\n"
+     "?both     vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+     "?!both     vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + 1, j$MAP),\n"
+     "?!both                         conemap_texel(i, j + 1$MAP), conemap_texel(i + 1, j + 1$MAP));\n"
      "    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;\n"
      "    float height = conemap_mix(heights, x, y);\n"
      "    g.height = height;\n"
@@ -10877,8 +10883,17 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "?gentle     vec2 r = conemap_difference(i, j + 1$MAP), s = conemap_difference(i + 1, j + 1$MAP);\n"
      "?gentle     g.gentle = vec2(conemap_mix(vec4(p.x, q.x, r.x, s.x), x, y) * $FW,\n"
      "?gentle                     conemap_mix(vec4(p.y, q.y, r.y, s.y), x, y) * $FH);\n"
-     "?occlusion,!per_cell     float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
-     "?occlusion,per_cell     float cone = a.y;\n"
+     "?occlusion,both,!per_cell     float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);\n"
+     "?occlusion,both,per_cell     float cone = a.y;\n"
+     "?occlusion,sectors     float cone = 1e30f; // the narrowest of all sectors\n"
+     "?occlusion,sectors     for (int sector = 0; sector < $SECTORS; ++sector) {\n"
+     "?occlusion,sectors,per_cell         cone = min(cone, conemap_cone(i, j, sector$MAP));\n"
+     "?occlusion,sectors,!per_cell         vec4 cones = vec4(conemap_cone(i, j, sector$MAP), conemap_cone(i + 1, j, "
+     "sector$MAP),\n"
+     "?occlusion,sectors,!per_cell                           conemap_cone(i, j + 1, sector$MAP),\n"
+     "?occlusion,sectors,!per_cell                           conemap_cone(i + 1, j + 1, sector$MAP));\n"
+     "?occlusion,sectors,!per_cell         cone = min(cone, conemap_mix(cones, x, y));\n"
+     "?occlusion,sectors     }\n"
      "?occlusion     g.steepness = 1.0f / max($TANGENT, 1e-9f);\n"
      "    return g;\n"
      "}\n"},
@@ -10981,6 +10996,8 @@ static const conemap__snippet conemap__effect_snippets[] = {
      "?lod     c.coarse = conemap_lay(o, d, float(next.x), float(next.y), 0.5f);\n"
      "?lod     c.weight = weight;\n"
      "?holes     c.leaf = conemap_lay(o, d, $FW, $FH, 0.0f);\n"
+     "?holes     c.leaf.x += 4e-7f * $FW; // a border on which it begins is behind it\n"
+     "?holes     c.leaf.y += 4e-7f * $FH;\n"
      "?holes     c.alpha_cut = alpha_cut;\n"
      "?holes     c.wall = 0;\n"
      "?holes     c.hole = true; // what is met at once is met from outside\n"
@@ -11006,12 +11023,23 @@ static const conemap__snippet conemap__effect_snippets[] = {
     {"conemap_patch",
      "// Height, its growth and bend, and 1 / tan under a course.\n"
      "$FNvec4 conemap_patch(conemap_lattice l, int si, int sj$MAP_PARAMS) {\n"
-     "    vec2 a = conemap_texel(l.i, l.j$MAP), b = conemap_texel(l.i + si, l.j$MAP);\n"
-     "    vec2 c = conemap_texel(l.i, l.j + sj$MAP), d = conemap_texel(l.i + si, l.j + sj$MAP);\n"
-     "    float hx = b.x - a.x, hy = c.x - a.x, hxy = d.x - c.x - hx;\n"
-     "    float height = conemap_mix(vec4(a.x, b.x, c.x, d.x), l.x, l.y);\n"
-     "?!per_cell     float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), l.x, l.y);\n"
-     "?per_cell     float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
+     "?both     vec2 a = conemap_texel(l.i, l.j$MAP), b = conemap_texel(l.i + si, l.j$MAP);\n"
+     "?both     vec2 c = conemap_texel(l.i, l.j + sj$MAP), d = conemap_texel(l.i + si, l.j + sj$MAP);\n"
+     "?both     vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
+     "?sectors     vec4 heights = vec4(conemap_texel(l.i, l.j$MAP), conemap_texel(l.i + si, l.j$MAP),\n"
+     "?sectors                         conemap_texel(l.i, l.j + sj$MAP), conemap_texel(l.i + si, l.j + sj$MAP));\n"
+     "    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;\n"
+     "    float height = conemap_mix(heights, l.x, l.y);\n"
+     "?both,!per_cell     float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), l.x, l.y);\n"
+     "?both,per_cell     float cone = sj > 0 ? (si > 0 ? a.y : b.y) : si > 0 ? c.y : d.y;\n"
+     "?sectors     int sector = (si < 0 ? 1 : 0) + (sj < 0 ? 2 : 0);\n"
+     "?octants     if (l.vy > l.vx) sector += 4;\n"
+     "?sectors,!per_cell     vec4 cones = vec4(conemap_cone(l.i, l.j, sector$MAP), conemap_cone(l.i + si, l.j, "
+     "sector$MAP),\n"
+     "?sectors,!per_cell                       conemap_cone(l.i, l.j + sj, sector$MAP),\n"
+     "?sectors,!per_cell                       conemap_cone(l.i + si, l.j + sj, sector$MAP));\n"
+     "?sectors,!per_cell     float cone = conemap_mix(cones, l.x, l.y);\n"
+     "?sectors,per_cell     float cone = conemap_cone(si > 0 ? l.i : l.i - 1, sj > 0 ? l.j : l.j - 1, sector$MAP);\n"
      "    return vec4(height, hx * l.vx + hy * l.vy + hxy * (l.x * l.vy + l.y * l.vx), hxy * l.vx * l.vy,\n"
      "                1.0f / max($TANGENT, 1e-9f));\n"
      "}\n"},
@@ -11353,7 +11381,7 @@ static const char conemap__shade_resources[] =
     "?holes \n"
     "?colors,!holes \n";
 
-static const char conemap__shade_interface[] =
+static const char conemap__shade_inputs[] =
     "?glsl $IN_0in vec3 conemap_origin;    // of the ray, in the world\n"
     "?glsl $IN_1in vec3 conemap_direction; // t = 1 at the fragment, say\n"
     "?glsl $IN_2in vec3 conemap_frame_tangent;   // the frame at the fragment\n"
@@ -11367,14 +11395,31 @@ static const char conemap__shade_interface[] =
     "?glsl,colors layout(location = $TARGET_3) out vec4 conemap_target$TARGET_3; // colour\n"
     "?glsl,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, fade\n"
     "?glsl,greater layout(depth_greater) out float gl_FragDepth;\n"
-    "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
+    "?glsl,less layout(depth_less) out float gl_FragDepth;\n";
+
+static const char conemap__shade_buffers[] =
+    "?glsl layout(local_size_x = 64) in;\n"
+    "// Eight a ray: origin, t_min; direction, t_max; the frame's tangent, bitangent, normal and point; its uv;\n"
+    "?gradient // the gradient.\n"
+    "?!gradient // and one that is not read.\n"
+    "?glsl layout(std430$SHADE_RAYS) readonly buffer conemap_ray_buffer {\n"
+    "?glsl     vec4 conemap_rays[];\n"
+    "?glsl };\n"
+    "?hlsl StructuredBuffer<float4> conemap_rays$SHADE_RAYS;\n"
+    "// $TARGETS a ray: u, v, z, t, which is -1 without a hit$TARGET_NAMES.\n"
+    "?glsl layout(std430$SHADE_HITS) writeonly buffer conemap_hit_buffer {\n"
+    "?glsl     vec4 conemap_hits[];\n"
+    "?glsl };\n"
+    "?hlsl RWStructuredBuffer<float4> conemap_hits$SHADE_HITS;\n";
+
+static const char conemap__shade_block[] =
     "?vulkan $BLOCK_LAYOUTuniform conemap_block {\n"
     "?hlsl cbuffer conemap_block$BLOCK_LAYOUT {\n"
     "?given struct conemap_arguments {\n"
     "?settings $UNIFORMconemap_effects conemap_settings;\n"
     "$UNIFORMvec4 conemap_shape; // uv_scale, depth, level\n"
     "?curved $UNIFORMvec4 conemap_curvature;\n"
-    "?ranged $UNIFORMvec2 conemap_range; // t_min, t_max\n"
+    "?ranged,fragment $UNIFORMvec2 conemap_range; // t_min, t_max\n"
     "?atlas $UNIFORMivec4 conemap_rect;\n"
     "?size_argument $UNIFORMivec2 conemap_map_size;\n"
     "?array $UNIFORMint conemap_slice;\n"
@@ -11383,7 +11428,9 @@ static const char conemap__shade_interface[] =
     "?given };\n"
     "?wgsl $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
     "?msl conemap_arguments conemap_given;\n"
-    "\n"
+    "\n";
+
+static const char conemap__shade_fragment[] =
     "?returns struct conemap_inputs {\n"
     "?hlsl     float3 origin : TEXCOORD0;    // of the ray, in the world\n"
     "?hlsl     float3 direction : TEXCOORD1; // t = 1 at the fragment, say\n"
@@ -11481,6 +11528,37 @@ static const char conemap__shade_main[] =
     "?msl     return shader.conemap_run(inputs);\n"
     "?msl }\n";
 
+static const char conemap__shade_compute[] =
+    "?hlsl [numthreads(64, 1, 1)]\n"
+    "?hlsl void main(uint3 thread : SV_DispatchThreadID) {\n"
+    "?hlsl     uint count, stride;\n"
+    "?hlsl     conemap_rays.GetDimensions(count, stride);\n"
+    "?hlsl     uint ray = 8u * thread.x, answer = $TARGETSu * thread.x;\n"
+    "?hlsl     if (ray + 7u >= count) return;\n"
+    "?glsl void main() {\n"
+    "?glsl     int ray = 8 * int(gl_GlobalInvocationID.x), answer = $TARGETS * int(gl_GlobalInvocationID.x);\n"
+    "?glsl     if (ray + 7 >= conemap_rays.length()) return;\n"
+    "    vec4 origin = conemap_rays[ray], direction = conemap_rays[ray + 1$UNSIGNED];\n"
+    "    conemap_frame frame;\n"
+    "    frame.tangent = conemap_rays[ray + 2$UNSIGNED].xyz;\n"
+    "    frame.bitangent = conemap_rays[ray + 3$UNSIGNED].xyz;\n"
+    "    frame.normal = conemap_rays[ray + 4$UNSIGNED].xyz;\n"
+    "    frame.origin = conemap_rays[ray + 5$UNSIGNED].xyz;\n"
+    "    frame.uv_offset = conemap_rays[ray + 6$UNSIGNED].xy;\n"
+    "    frame.uv_scale = conemap_shape.xy;\n"
+    "    frame.depth = conemap_shape.z;\n"
+    "    frame.level = conemap_shape.w;\n"
+    "?curved     frame.curvature = conemap_curvature.xyz;\n"
+    "?gradient     vec4 gradient = conemap_rays[ray + 7$UNSIGNED];\n"
+    "    conemap_shading s = conemap_shade($SETTINGS_ARGframe, origin.xyz, direction.xyz$SHADE_ARGS);\n"
+    "    $TARGET_BOX = vec4(s.box, s.found ? s.t : -1.0f);\n"
+    "?world     $TARGET_POSITION = vec4(s.position, 1.0f);\n"
+    "?normal_out     $TARGET_NORMAL = vec4(s.normal, 0.0f);\n"
+    "?colors     $TARGET_COLOR = conemap_color(s);\n"
+    "?numbers     $TARGET_NUMBERS = vec4($NUMBERS);\n"
+    "?depth     $TARGET_DEPTH = vec4(s.depth, 0.0f, 0.0f, 0.0f);\n"
+    "}\n";
+
 /* Unknown bits, or two effects of which one is instead of the other. */
 static int conemap__effects_clash(unsigned flags) {
     const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
@@ -11502,7 +11580,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
-    if (conemap__effects_clash(flags) || f[conemap__flag_sectors]) return CONEMAP_ERROR_UNSUPPORTED;
+    if (conemap__effects_clash(flags)) return CONEMAP_ERROR_UNSUPPORTED;
     e->tables[1] = conemap__effect_snippets;
     f[conemap__flag_shading] = 1;
     f[conemap__flag_clip] = (flags & CONEMAP_EFFECT_CLIP) != 0;
@@ -11552,7 +11630,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     if (f[conemap__flag_cuts] || f[conemap__flag_hard]) /* conemap_trace's, whatever conemap_shade has */
         d->t_range = f[conemap__flag_t_range] = 1;
     asked = f[conemap__flag_flight] || f[conemap__flag_place]; /* a flight, or a second trace that must be exact */
-    if (f[conemap__flag_compute] || f[conemap__flag_any] || d->steps || d->status || d->run_time_cap ||
+    if (f[conemap__flag_any] || d->steps || d->status || d->run_time_cap ||
         (f[conemap__flag_looks] && d->filter != CONEMAP_FILTER_FETCH) || (asked && !f[conemap__flag_exact]) ||
         ((f[conemap__flag_flight] || f[conemap__flag_soft] || f[conemap__flag_sky]) &&
          (d->filter != CONEMAP_FILTER_FETCH || f[conemap__flag_falling])) ||
@@ -11567,20 +11645,22 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     static const char *const least[2][2] = {{"LEAST_U", "MOST_U"}, {"LEAST_V", "MOST_V"}};
     static const char *const clip[2][2] = {{"e.clip.x", "e.clip.z"}, {"e.clip.y", "e.clip.w"}};
     static const char *const rim[2][2] = {{"rim.x", "1.0f - rim.x"}, {"rim.y", "1.0f - rim.y"}};
-    static const char *const targets[5] = {"TARGET_BOX", "TARGET_POSITION", "TARGET_NORMAL", "TARGET_COLOR",
-                                           "TARGET_NUMBERS"};
+    static const char *const targets[6] = {"TARGET_BOX",   "TARGET_POSITION", "TARGET_NORMAL",
+                                           "TARGET_COLOR", "TARGET_NUMBERS",  "TARGET_DEPTH"};
     static const char *const fields[5] = {"targets.box", "targets.position", "targets.normal", "targets.color",
                                           "targets.numbers"};
+    static const char *const contents[6] = {"", "; position", "; normal", "; colour",
+                                            "; shadow, occlusion, level, fade", "; depth"};
     const conemap_shader_desc *d = &e->desc;
     const unsigned char *f = e->flags;
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], lod = f[conemap__flag_lod];
     const int holes = f[conemap__flag_holes], curved = f[conemap__flag_curved], host = f[conemap__flag_host];
     const int among = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
-    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] +
-                  (among && f[conemap__flag_sampler]);
+    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_octants] +
+                  f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] + (among && f[conemap__flag_sampler]);
     int axis, end, k, target = 0;
-    char *out;
+    char *out, *written;
     if (!f[conemap__flag_shading]) return;
 
     /* Arguments. */
@@ -11599,7 +11679,10 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
     conemap__append(out, size, f[conemap__flag_size_asked] ? "$SLICE_ARG" : "$FLAT");
     out = conemap__piece_new(e, "SHADE_ARGS", 0);
-    if (f[conemap__flag_ranged]) conemap__append(out, size, ", $GIVENconemap_range.x, $GIVENconemap_range.y");
+    if (f[conemap__flag_ranged])
+        conemap__append(out, size,
+                        f[conemap__flag_compute] ? ", origin.w, direction.w"
+                                                 : ", $GIVENconemap_range.x, $GIVENconemap_range.y");
     if (f[conemap__flag_gradient]) conemap__append(out, size, ", gradient");
     if (d->atlas) conemap__append(out, size, ", $GIVENconemap_rect");
     if (f[conemap__flag_size_argument]) conemap__append(out, size, ", $GIVENconemap_map_size");
@@ -11637,7 +11720,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__piece_set(e, "SLOPES", 0, f[conemap__flag_smooth] ? "gentle" : "slope");
     conemap__piece_set(e, "NO_HOLE", 0, holes ? " && !hole" : "");
     conemap__piece_set(e, "NOT_HOLE", 0, holes ? "!conemap_over_hole(c$FLAT) && " : "");
-    conemap__piece_set(e, "OF_HEIGHT", 0, f[conemap__flag_cones] ? ".x" : "");
+    conemap__piece_set(e, "OF_HEIGHT", 0, f[conemap__flag_both] ? ".x" : "");
+    conemap__append_int(conemap__piece_new(e, "SECTORS", 0), size, d->map.texture.sectors);
     for (k = 0; k < 2; ++k) {
         out = conemap__piece_new(e, k ? "OVER_ASPECT" : "ASPECT_TIMES", 0);
         if (d->map.aspect == 1.0f) continue;
@@ -11692,6 +11776,9 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_msl] ? d->binding : binding);
     if (f[conemap__flag_vulkan] || hlsl) /* beside the arguments of the tracer */
         conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? d->binding : binding);
+    binding += f[conemap__flag_vulkan];
+    conemap__place_resource(e, "SHADE_RAYS", hlsl ? 't' : 'b', binding);
+    conemap__place_resource(e, "SHADE_HITS", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
     for (k = 2; k < 7; ++k) {
         static const char *const names[7] = {"", "", "IN_2", "IN_3", "IN_4", "IN_5", "IN_6"};
         out = conemap__piece_new(e, names[k], 1);
@@ -11700,19 +11787,30 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
         conemap__append_int(out, size, k);
         conemap__append(out, size, ") ");
     }
-    for (k = 0; k < 5; ++k) { /* targets that were asked for follow each other */
+    written = conemap__piece_new(e, "TARGET_NAMES", 1);
+    for (k = 0; k < 6; ++k) { /* targets that were asked for follow each other */
         static const char *const numbers[5] = {"", "", "TARGET_2", "TARGET_3", "TARGET_4"};
+        const int compute = f[conemap__flag_compute];
         const int there = k == 0   ? 1
                           : k == 1 ? f[conemap__flag_world]
                           : k == 2 ? f[conemap__flag_normal_out]
                           : k == 3 ? f[conemap__flag_colors]
-                                   : f[conemap__flag_numbers];
-        if (k > 1) conemap__append_int(conemap__piece_new(e, numbers[k], 1), size, target);
+                          : k == 4 ? f[conemap__flag_numbers]
+                                   : f[conemap__flag_depth] && compute; /* FRAGMENT has one of its own */
+        if (k > 1 && k < 5) conemap__append_int(conemap__piece_new(e, numbers[k], 1), size, target);
         out = conemap__piece_new(e, targets[k], 0);
-        conemap__append(out, size, f[conemap__flag_returns] ? fields[k] : "conemap_target");
-        if (!f[conemap__flag_returns]) conemap__append_int(out, size, target);
+        if (compute) {
+            conemap__append(out, size, "conemap_hits[answer + ");
+            conemap__append_int(out, size, target);
+            conemap__append(out, size, "$UNSIGNED]");
+        } else {
+            conemap__append(out, size, f[conemap__flag_returns] && k < 5 ? fields[k] : "conemap_target");
+            if (!f[conemap__flag_returns]) conemap__append_int(out, size, target);
+        }
+        if (there) conemap__append(written, size, contents[k]);
         target += there;
     }
+    conemap__append_int(conemap__piece_new(e, "TARGETS", 1), size, target);
     out = conemap__piece_new(e, "NUMBERS", 0);
     conemap__append(out, size, f[conemap__flag_lights] ? "s.shadow, " : "1.0f, ");
     conemap__append(out, size, f[conemap__flag_open] ? "s.occlusion, " : "1.0f, ");
@@ -11739,10 +11837,11 @@ static void conemap__write_effects(conemap__emitter *e) {
     conemap__lines(e, conemap__shade_end, 0);
     conemap__put(e, "\n", 1);
     if (e->flags[conemap__flag_colors]) conemap__snippet_named(e, "conemap_color", 13);
-    if (e->flags[conemap__flag_fragment]) {
-        conemap__lines(e, conemap__shade_interface, 0);
-        conemap__lines(e, conemap__shade_main, 0);
-    }
+    if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_inputs, 0);
+    if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_buffers, 0);
+    if (e->desc.stage != CONEMAP_STAGE_FUNCTIONS) conemap__lines(e, conemap__shade_block, 0);
+    if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_fragment, 0);
+    if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_compute, 0);
 }
 
 /* ======================================================================================================
@@ -14773,6 +14872,7 @@ typedef struct conemap__lattice {
     double px, py, vx, vy;   /* at t = 0, in cells from the base cell; per t */
     double leave_i, leave_j; /* when the present cell is left */
     int base_i, base_j, i, j;
+    const float *cones;      /* of the level; with sectors, of the one that the flight goes into, bent or not */
 } conemap__lattice;
 
 /* A ray above a scene. Its height is a parabola: the base that the relief stands on is a quadric, and along a
@@ -14867,14 +14967,18 @@ static int conemap__take_off(const conemap__scene *scene, const double o[2], con
     for (k = 0; k < scene->maps; ++k) {
         const conemap_map *map = scene->map[k];
         conemap__lay(&map->info, map->info.width, map->info.height, 0.5, at, v, &f->lattice[k]);
+        f->lattice[k].cones =
+            map->cones + (size_t)conemap__sector_number(&map->info, v[0], v[1]) * conemap__texels(map);
         f->highest += scene->weight[k] * (double)map->highest;
         relaxed |= map->info.guarantee == CONEMAP_GUARANTEE_RELAXED ||
                    map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
     }
     f->cones = !relaxed;
     f->lattices = scene->maps;
-    if (scene->alpha)
+    if (scene->alpha) {
+        for (k = 0; k < 2; ++k) at[k] += v[k] < 0.0 ? -1e-12 : 1e-12; /* a border on which it begins is behind it */
         conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, v, &f->lattice[f->lattices++]);
+    }
     return 1;
 }
 
@@ -14948,7 +15052,7 @@ static conemap__quadratic conemap__ground(const conemap__course *f, double *tang
         sum.b += w * (hx * l->vx + hy * l->vy + hxy * (x * l->vy + y * l->vx));
         sum.a += w * (hxy * (l->vx * l->vy));
         if (tangent) {
-            double t = (double)conemap__sample_sectors(map, quad, (float)x, (float)y).tangent;
+            double t = (double)conemap__sample_cell(map, l->cones, quad, (float)x, (float)y).tangent;
             if (t > 0.0)
                 steepness += w / t;
             else
@@ -15509,13 +15613,13 @@ static void conemap__meet_base(conemap__view *view, conemap_hit *hit) {
     if (hit->status == CONEMAP_HIT) hit->z = view->basis.level;
 }
 
-/* The hole under a hit; 0 if its texel is solid. */
-static int conemap__in_hole(const conemap__scene *scene, const conemap_hit *hit) {
+/* Is there a hole under a hit, or just behind it? A flight from there on tells which. */
+static int conemap__in_hole(const conemap__scene *scene, const conemap_ray *ray, const conemap_hit *hit) {
     const conemap_info *info = &scene->map[0]->info;
     double at[2], still[2] = {0.0, 0.0};
     conemap__course f;
-    at[0] = (double)hit->u;
-    at[1] = (double)hit->v;
+    at[0] = (double)hit->u + (ray->direction[0] < 0.0f ? -1e-6 : 1e-6);
+    at[1] = (double)hit->v + (ray->direction[1] < 0.0f ? -1e-6 : 1e-6);
     f.scene = scene;
     conemap__lay(info, scene->alpha_width, scene->alpha_height, 0.0, at, still, &f.lattice[scene->maps]);
     return conemap__over_hole(&f);
@@ -15686,7 +15790,7 @@ static void conemap__trace_views(const conemap_map *map, const conemap_trace_des
                           !(view->box.t_max != 0.0f && hits[k].t >= view->box.t_max)))
             hits[k].status = CONEMAP_LEFT;
         if (hits[k].status != CONEMAP_HIT) continue;
-        if (view->scene.alpha && conemap__in_hole(&view->scene, &hits[k])) {
+        if (view->scene.alpha && conemap__in_hole(&view->scene, &view->box, &hits[k])) {
             int steps = hits[k].steps;
             conemap__fly_ray(view, (double)hits[k].t, max_steps, &hits[k]);
             hits[k].steps += steps;

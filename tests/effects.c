@@ -680,6 +680,44 @@ static void holes(void)
     CHECK(walls > 50 && floors > 20 && plain_hits > 200, "%d walls, %d floors, %d hits", walls, floors, plain_hits);
 }
 
+/* A level ray into the side of a map that wraps and is cut to one copy: what counts is the texel that it flies into, not
+   the one beside it in the next copy. */
+static void holes_at_the_border(void)
+{
+    unsigned char alpha[8 * 8];
+    struct scene s;
+    int way, where, curved, k;
+    if (!scene_make(&s, ZOO_FLAT_1, 8, 8, CONEMAP_WRAP, 0, NULL)) return;
+    for (way = 0; way < 4; ++way) /* along u, v; backwards */
+        for (where = 0; where < 2; ++where)
+            for (curved = 0; curved < 2; ++curved) {
+                const int axis = way & 1, back = way >> 1, gap = back == where ? 0 : 7; /* the row of holes */
+                const float right = where ? (back ? 1.0f : 0.0f) : back ? 0.875f : 0.125f;
+                conemap_frame f;
+                conemap_effects e;
+                conemap_ray ray;
+                conemap_hit hit;
+                conemap_shading shading;
+                for (k = 0; k < 64; ++k) alpha[k] = (axis ? k / 8 : k % 8) == gap ? 0 : 255;
+                memset(&e, 0, sizeof e);
+                memset(&f, 0, sizeof f);
+                memset(&ray, 0, sizeof ray);
+                f.curvature[0] = 1e-6f;
+                e.flags = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | (curved ? (unsigned)CONEMAP_EFFECT_CURVED : 0u);
+                e.frames = &f;
+                e.alpha = alpha;
+                ray.origin[axis] = back ? 1.7f : -0.7f;
+                ray.origin[!axis] = 0.3f;
+                ray.origin[2] = 0.4f;
+                ray.direction[axis] = back ? -0.9f : 0.9f;
+                REQUIRE(conemap_shade(&s.map, NULL, &e, &ray, &hit, &shading, 1) == CONEMAP_OK, "shade");
+                CHECK(hit.status == CONEMAP_HIT && hit.inside && fabsf((axis ? hit.v : hit.u) - right) < 1e-5f,
+                      "way %d, holes at %d, curved %d: status %d, at %g, right %g", way, gap, curved, (int)hit.status,
+                      (double)(axis ? hit.v : hit.u), (double)right);
+            }
+    scene_free(&s);
+}
+
 /* A step cap ends a ray above the surface, and what is there is shaded. */
 static void caps(void)
 {
@@ -1667,6 +1705,7 @@ const struct test_case effects_tests[] = {
     {"blended levels", blended_levels},
     {"levels to one texel", levels_to_one_texel},
     {"holes", holes},
+    {"holes at the border", holes_at_the_border},
     {"caps", caps},
     {"extremes", extremes},
     {"level means", level_means},

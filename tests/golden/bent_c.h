@@ -267,6 +267,8 @@ static bent_course bent_take_off(bent_basis b, bent_vec3 o, bent_vec3 d, bent_ve
     c.coarse = bent_lay(o, d, (float)(next.x), (float)(next.y), 0.5f);
     c.weight = weight;
     c.leaf = bent_lay(o, d, (float)(size.x), (float)(size.y), 0.0f);
+    c.leaf.x += 4e-7f * (float)(size.x); // a border on which it begins is behind it
+    c.leaf.y += 4e-7f * (float)(size.y);
     c.alpha_cut = alpha_cut;
     c.wall = 0;
     c.hole = true; // what is met at once is met from outside
@@ -314,8 +316,9 @@ static float bent_mix(bent_vec4 h, float x, float y) {
 static bent_vec4 bent_patch(bent_lattice l, int si, int sj, bent_ivec2 size, int level) {
     bent_vec2 a = bent_texel(l.i, l.j, size, level), b = bent_texel(l.i + si, l.j, size, level);
     bent_vec2 c = bent_texel(l.i, l.j + sj, size, level), d = bent_texel(l.i + si, l.j + sj, size, level);
-    float hx = b.x - a.x, hy = c.x - a.x, hxy = d.x - c.x - hx;
-    float height = bent_mix(bent_make_vec4(a.x, b.x, c.x, d.x), l.x, l.y);
+    bent_vec4 heights = bent_make_vec4(a.x, b.x, c.x, d.x);
+    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;
+    float height = bent_mix(heights, l.x, l.y);
     float cone = bent_mix(bent_make_vec4(a.y, b.y, c.y, d.y), l.x, l.y);
     return bent_make_vec4(height, hx * l.vx + hy * l.vy + hxy * (l.x * l.vy + l.y * l.vx), hxy * l.vx * l.vy,
                 1.0f / fmaxf(cone * cone, 1e-9f));

@@ -247,8 +247,9 @@ static float mip_mix(mip_vec4 h, float x, float y) {
 static mip_vec4 mip_patch(mip_lattice l, int si, int sj, mip_ivec2 size, int level) {
     mip_vec2 a = mip_texel(l.i, l.j, size, level), b = mip_texel(l.i + si, l.j, size, level);
     mip_vec2 c = mip_texel(l.i, l.j + sj, size, level), d = mip_texel(l.i + si, l.j + sj, size, level);
-    float hx = b.x - a.x, hy = c.x - a.x, hxy = d.x - c.x - hx;
-    float height = mip_mix(mip_make_vec4(a.x, b.x, c.x, d.x), l.x, l.y);
+    mip_vec4 heights = mip_make_vec4(a.x, b.x, c.x, d.x);
+    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;
+    float height = mip_mix(heights, l.x, l.y);
     float cone = mip_mix(mip_make_vec4(a.y, b.y, c.y, d.y), l.x, l.y);
     return mip_make_vec4(height, hx * l.vx + hy * l.vy + hxy * (l.x * l.vy + l.y * l.vx), hxy * l.vx * l.vy,
                 1.0f / fmaxf(cone, 1e-9f));

@@ -189,6 +189,8 @@ static sieve_course sieve_take_off(sieve_vec3 o, sieve_vec3 d, sieve_vec2 range,
     sieve_course c;
     c.cell = sieve_lay(o, d, (float)(size.x), (float)(size.y), 0.5f);
     c.leaf = sieve_lay(o, d, (float)(size.x), (float)(size.y), 0.0f);
+    c.leaf.x += 4e-7f * (float)(size.x); // a border on which it begins is behind it
+    c.leaf.y += 4e-7f * (float)(size.y);
     c.alpha_cut = alpha_cut;
     c.wall = 0;
     c.hole = true; // what is met at once is met from outside
@@ -239,8 +241,9 @@ static float sieve_tangent(float stored, float height) {
 static sieve_vec4 sieve_patch(sieve_lattice l, int si, int sj, sieve_ivec2 size) {
     sieve_vec2 a = sieve_texel(l.i, l.j, size), b = sieve_texel(l.i + si, l.j, size);
     sieve_vec2 c = sieve_texel(l.i, l.j + sj, size), d = sieve_texel(l.i + si, l.j + sj, size);
-    float hx = b.x - a.x, hy = c.x - a.x, hxy = d.x - c.x - hx;
-    float height = sieve_mix(sieve_make_vec4(a.x, b.x, c.x, d.x), l.x, l.y);
+    sieve_vec4 heights = sieve_make_vec4(a.x, b.x, c.x, d.x);
+    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;
+    float height = sieve_mix(heights, l.x, l.y);
     float cone = sieve_mix(sieve_make_vec4(a.y, b.y, c.y, d.y), l.x, l.y);
     return sieve_make_vec4(height, hx * l.vx + hy * l.vy + hxy * (l.x * l.vy + l.y * l.vx), hxy * l.vx * l.vy,
                 1.0f / fmaxf(sieve_tangent(cone, height), 1e-9f));

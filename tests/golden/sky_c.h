@@ -252,8 +252,9 @@ static float sky_mix(sky_vec4 h, float x, float y) {
 static sky_vec4 sky_patch(sky_lattice l, int si, int sj, sky_ivec2 size) {
     sky_vec2 a = sky_texel(l.i, l.j, size), b = sky_texel(l.i + si, l.j, size);
     sky_vec2 c = sky_texel(l.i, l.j + sj, size), d = sky_texel(l.i + si, l.j + sj, size);
-    float hx = b.x - a.x, hy = c.x - a.x, hxy = d.x - c.x - hx;
-    float height = sky_mix(sky_make_vec4(a.x, b.x, c.x, d.x), l.x, l.y);
+    sky_vec4 heights = sky_make_vec4(a.x, b.x, c.x, d.x);
+    float hx = heights.y - heights.x, hy = heights.z - heights.x, hxy = heights.w - heights.z - hx;
+    float height = sky_mix(heights, l.x, l.y);
     float cone = sky_mix(sky_make_vec4(a.y, b.y, c.y, d.y), l.x, l.y);
     return sky_make_vec4(height, hx * l.vx + hy * l.vy + hxy * (l.x * l.vy + l.y * l.vx), hxy * l.vx * l.vy,
                 1.0f / fmaxf(cone, 1e-9f));

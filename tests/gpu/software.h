@@ -12,6 +12,7 @@ typedef void(APIENTRYP CLEAR)(GLbitfield);
 typedef void(APIENTRYP CLEARCOLOR)(GLfloat, GLfloat, GLfloat, GLfloat);
 typedef void(APIENTRYP CULLFACE)(GLenum);
 typedef void(APIENTRYP DELETETEXTURES)(GLsizei, const GLuint *);
+typedef void(APIENTRYP DEPTHFUNC)(GLenum);
 typedef void(APIENTRYP DRAWARRAYS)(GLenum, GLint, GLsizei);
 typedef void(APIENTRYP ENABLE)(GLenum);
 typedef void(APIENTRYP FINISH)(void);
@@ -52,7 +53,8 @@ typedef void(APIENTRYP VIEWPORT)(GLint, GLint, GLsizei, GLsizei);
     X(PFNGLUNIFORM2FPROC, Uniform2f) X(PFNGLUNIFORM2IPROC, Uniform2i) X(PFNGLUNIFORM3FPROC, Uniform3f)               \
     X(PFNGLUNIFORM4FPROC, Uniform4f) X(PFNGLUNIFORM4IPROC, Uniform4i)                                                \
     X(PFNGLUNIFORMBLOCKBINDINGPROC, UniformBlockBinding) X(PFNGLUNIFORMMATRIX4FVPROC, UniformMatrix4fv)              \
-    X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) X(PFNGLUSEPROGRAMPROC, UseProgram) X(VIEWPORT, Viewport)
+    X(PFNGLUNMAPBUFFERPROC, UnmapBuffer) X(PFNGLUSEPROGRAMPROC, UseProgram) X(VIEWPORT, Viewport)                    \
+    X(PFNGLCLIPCONTROLPROC, ClipControl) X(DEPTHFUNC, DepthFunc) X(ENABLE, Disable)
 #define GL_FIELD(type, name) type name;
 static struct {
     GL_FUNCTIONS(GL_FIELD)

@@ -494,9 +494,10 @@ static void kernels(conemap_dialect dialect)
 static void all_effects(conemap_dialect dialect, int *choice, int sample, struct zoo_random *random)
 {
     int stage, a, b, k;
-    for (stage = 0; stage < 2; ++stage) {
+    for (stage = 0; stage < 3; ++stage) {
         memset(choice, 0, OPTIONS * sizeof *choice);
         choice[0] = stage;
+        choice[OPTIONS - 1] = stage == 2; /* and with compute, sectors */
         for (a = 0; a < 15; ++a)
             for (b = a; b < 15; ++b) effects(dialect, choice, 1u << a | 1u << b, 0);
         for (k = 0; k < 8; ++k) {
