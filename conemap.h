@@ -1295,6 +1295,9 @@ typedef struct conemap_frusta_shader_desc {
                                     goes to the target. Null: to the first target the shading normal and the height w in
                                     the shell, to the second u and v of the map, the frustum, and t */
     int depth_only;              /* FRAGMENT, nonzero: no target, for shadow maps */
+    conemap_depth_bound depth_bound; /* FRAGMENT, what is promised of the depth: GREATER where front faces of the bounds
+                                    are drawn, LESS where the back ones (reversed depth: the other way around) */
+    unsigned flags;              /* conemap_effect bits: see conemap_skeleton_shade. VERTEX: not looked at */
     int zero_to_one;             /* nonzero: OpenGL with clip space z in 0..1 (glClipControl) */
 
     int set, binding, sampler_binding; /* as in conemap_shader_desc: the map's textures, then the frusta. HLSL: constant
@@ -7783,7 +7786,9 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(shading) X(clip) X(holes) X(curved) X(lod) X(fade) X(two_sided) X(world) X(smooth) X(normal_out) X(depth)     \
     X(hard) X(soft) X(lights) X(occlusion) X(sky) X(open) X(uv) X(colors) X(normal) X(gentle) X(place) X(looks)     \
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
-    X(ranged) X(after) X(beside)
+    X(ranged) X(after) X(beside)                                                                                    \
+    X(every) X(eased) X(plain) X(mapped) X(capped) X(detailed) X(pixels) X(casts) X(finishes) X(deep) \
+    X(placed) X(told)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7836,6 +7841,14 @@ static const conemap__snippet conemap__snippets[] = {
                            "    v.y = y;\n"
                            "    return v;\n"
                            "}\n"},
+    {"conemap_dot",
+     "$FNfloat conemap_dot(vec3 a, vec3 b) {\n"
+     "    return a.x * b.x + a.y * b.y + a.z * b.z;\n"
+     "}\n"},
+    {"conemap_cross",
+     "$FNvec3 conemap_cross(vec3 a, vec3 b) {\n"
+     "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);\n"
+     "}\n"},
     {"conemap_clampi", "static int conemap_clampi(int i, int low, int high) {\n"
                        "    return i < low ? low : i > high ? high : i;\n"
                        "}\n"},
@@ -9755,15 +9768,7 @@ CONEMAP__DEF conemap_result conemap_write_maxima(const conemap_map *map, int lev
    ====================================================================================================== */
 
 static const conemap__snippet conemap__effect_snippets[] = {
-    /* ---- vectors, which C lacks ---- */
-    {"conemap_dot",
-     "$FNfloat conemap_dot(vec3 a, vec3 b) {\n"
-     "    return a.x * b.x + a.y * b.y + a.z * b.z;\n"
-     "}\n"},
-    {"conemap_cross",
-     "$FNvec3 conemap_cross(vec3 a, vec3 b) {\n"
-     "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);\n"
-     "}\n"},
+    /* ---- vectors ---- */
     {"conemap_normalize",
      "$FNvec3 conemap_normalize(vec3 a) {\n"
      "    return conemap_scaled(a, 1.0f / sqrt(dot(a, a)));\n"
@@ -12801,26 +12806,26 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?steps_march // Equal steps, then halvings [BJCW09 section 3]: t where the ray meets the relief in a "
      "range of t, at its end if\n"
      "?steps_march // `solid`; 1e30: it does not.\n"
-     "?cone_march // Cone steps, none shorter than one of $CAP equal ones, then halvings: t where the ray "
+     "?cone_march // Cone steps, none shorter than one of $STEPS equal ones, then halvings: t where the ray "
      "meets the relief in a range\n"
      "?cone_march // of t, at its end if `solid`; 1e30: it does not. The ray is g above the cone's apex, in "
      "the world's units, and\n"
      "?cone_march // meets nothing while g + g' t > thickness speed t / tangent.\n"
-     "$FNfloat conemap_march(conemap_frustum f, vec3 o, vec3 v, vec2 range, bool solid) {\n"
+     "$FNfloat conemap_march(conemap_frustum f, vec3 o, vec3 v, vec2 range, bool solid$CAP_PARAM) {\n"
      "    float before = range.x, t = range.x;\n"
      "    bool met = false;\n"
      "?linear_v     int pieces = conemap_pieces(f), next = 1;\n"
      "?linear_v     vec4 piece = conemap_piece(f, o, v, range, 0, pieces);\n"
-     "?cone_march     float least = (range.y - range.x) / float($CAP);\n"
+     "?cone_march     float least = (range.y - range.x) / float($STEPS);\n"
      "?cone_march     float thick_end = f.radii.z + f.radii.w * (o.y + range.y * v.y);\n"
      "?cone_march     conemap_shell shell = conemap_bound_speed(f, o, v);\n"
-     "    for (int k = 0; k <= $CAP; ++k) {\n"
-     "?steps_march         t = k < $CAP ? range.x + (range.y - range.x) * (float(k) / float($CAP)) : range.y;\n"
+     "    for (int k = 0; k <= $STEPS; ++k) {\n"
+     "?steps_march         t = k < $STEPS ? range.x + (range.y - range.x) * (float(k) / float($STEPS)) : range.y;\n"
      "?linear_v         if (t > piece.y && next < pieces) {\n"
      "?linear_v             piece = conemap_piece(f, o, v, range, next, pieces);\n"
      "?linear_v             ++next;\n"
      "?linear_v         }\n"
-     "?steps_march         met = (solid && k == $CAP) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
+     "?steps_march         met = (solid && k == $STEPS) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
      "?steps_march         if (met) break;\n"
      "?steps_march         before = t;\n"
      "?cone_march         conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
@@ -12834,7 +12839,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?cone_march         closing -= relief.y * slope;\n"
      "?cone_march         before = t;\n"
      "?cone_march         t += max(g <= 0.0f ? 0.0f : closing > 0.0f ? relief.y * g / closing : 1e30f, least);\n"
-     "?cone_march         if (t > range.y || k + 1 >= $CAP) t = range.y;\n"
+     "?cone_march         if (t > range.y || k + 1 >= $STEPS) t = range.y;\n"
      "    }\n"
      "    for (int n = 0; met && n < $REFINE_STEPS; ++n) {\n"
      "        float middle = 0.5f * (before + t);\n"
@@ -12849,7 +12854,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "see conemap_span.\n"
      "?!relief // t where a ray of the frame meets the frustum, 1e30 where it does not, and the face; see "
      "conemap_span.\n"
-     "$FNvec2 conemap_meet(conemap_frustum f, vec3 o, vec3 v, float t_min, float t_max) {\n"
+     "$FNvec2 conemap_meet(conemap_frustum f, vec3 o, vec3 v, float t_min, float t_max$CAP_PARAM) {\n"
      "?!relief     vec2 cone = vec2(f.radii.x + $HEIGHT * f.radii.z, f.radii.y + $HEIGHT * f.radii.w);\n"
      "?!relief     vec3 span = conemap_span(f, cone, o, v, t_min, t_max);\n"
      "?!relief     return span.x <= span.y ? vec2(span.x, span.z) : vec2(1e30f, 0.0f);\n"
@@ -12860,7 +12865,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?relief     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell\n"
      "?relief     float t = outer.x <= outer.y ? outer.x : 1e30f;\n"
      "?relief     if (shell && outer.x <= outer.y)\n"
-     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid);\n"
+     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid$CAP_ARG);\n"
      "?relief     return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
      "}\n"},
     {"conemap_cut_gradient",
@@ -12887,38 +12892,51 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "}\n"},
     {"conemap_normals",
      "$STRUCT conemap_normals { // in the world, units\n"
-     "    vec3 shading, plain; // continuous across joints; of the surface as it is\n"
-     "    float away; // how far the place is outside the surface, in the world's units\n"
+     "?eased     vec3 shading; // continuous across joints\n"
+     "?plain     vec3 plain; // of the surface as it is\n"
+     "?blends     float away; // how far the place is outside the surface, in the world's units\n"
      "?c } conemap_normals;\n"
      "?!c };\n"},
+    {"conemap_uv_gradients",
+     "$STRUCT conemap_uv_gradients { // of u, in radians, and of v, times the thickness\n"
+     "    vec3 u, v;\n"
+     "?c } conemap_uv_gradients;\n"
+     "?!c };\n"},
+    {"conemap_find_gradients",
+     "$FNconemap_uv_gradients conemap_find_gradients(conemap_frustum f, conemap_uvw at) {\n"
+     "    conemap_uv_gradients g;\n"
+     "    float by_d = at.thickness / at.d, span = at.high - at.low, rest = 1.0f - at.v;\n"
+     "    vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine);\n"
+     "    g.u = vec3(at.cosine * by_d, 0.0f, -at.sine * by_d);\n"
+     "    vec3 a = conemap_cut_gradient(f, f.lower, at, at.low, g.u, grad_w);\n"
+     "    vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);\n"
+     "    g.v = vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,\n"
+     "               -(rest * a.z + at.v * b.z) / span);\n"
+     "    return g;\n"
+     "}\n"},
     {"conemap_find_normals",
      "$FNconemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {\n"
-     "    vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
-     "    float m = min(max(at.v, 0.0f), 1.0f), l = 1.0f, height = $HEIGHT;\n"
-     "    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
-     "    l = 1.0f - m;\n"
-     "    vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
-     "    vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
-     "    float steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
-     "    smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
+     "?plain     vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
+     "?eased     vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
+     "?eased     float m = min(max(at.v, 0.0f), 1.0f), steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
+     "?eased     if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
+     "?eased     float l = 1.0f - m;\n"
+     "?eased     vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
+     "?eased     smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
+     "?blends     float height = $HEIGHT;\n"
      "?relief     if (at.thickness > 0.0f && at.d > 1e-6f * f.extent.x) { // the relief's slopes\n"
-     "?relief         float by_d = at.thickness / at.d, span = at.high - at.low;\n"
-     "?relief         vec3 angle = vec3(at.cosine * by_d, 0.0f, -at.sine * by_d), slopes = conemap_slopes(f, "
-     "at.u, at.v);\n"
-     "?relief         vec3 a = conemap_cut_gradient(f, f.lower, at, at.low, angle, grad_w);\n"
-     "?relief         vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, angle, grad_w);\n"
-     "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z / span, rest = 1.0f - at.v;\n"
-     "?relief         vec3 s = vec3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),\n"
-     "?relief                       by_v * (at.thickness - rest * a.y - at.v * b.y),\n"
-     "?relief                       by_u * angle.z - by_v * (rest * a.z + at.v * b.z));\n"
-     "?relief         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
-     "?relief         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
-     "?relief         height = slopes.x;\n"
+     "?relief         conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
+     "?relief         vec3 slopes = conemap_slopes(f, at.u, at.v);\n"
+     "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z;\n"
+     "?relief         vec3 s = vec3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * g.v.z);\n"
+     "?relief,plain         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
+     "?relief,eased         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
+     "?relief,blends         height = slopes.x;\n"
      "?relief     }\n"
      "    conemap_normals n;\n"
-     "    n.shading = conemap_unit(conemap_out_of(f, smoothed));\n"
-     "    n.plain = conemap_unit(conemap_out_of(f, grad_w));\n"
-     "    n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;\n"
+     "?eased     n.shading = conemap_unit(conemap_out_of(f, smoothed));\n"
+     "?plain     n.plain = conemap_unit(conemap_out_of(f, grad_w));\n"
+     "?blends     n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;\n"
      "    return n;\n"
      "}\n"},
     {"conemap_mix_normal",
@@ -13001,36 +13019,47 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    float t; // in lengths of the direction\n"
      "    vec3 position;\n"
      "    vec3 uvw; // of the frustum; v 0..1, w the height in the shell\n"
-     "    vec2 map; // u and v of the map, not wrapped\n"
-     "    vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is\n"
+     "?mapped     vec2 map; // u and v of the map, not wrapped\n"
+     "?every     vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is\n"
+     "?normal_out,smooth     vec3 normal; // unit, continuous across joints\n"
+     "?normal_out,!smooth     vec3 normal; // unit, of the surface as it is\n"
+     "?depth     float depth;\n"
+     "?lights     float shadow; // 0 dark to 1 lit\n"
+     "?open     float occlusion; // 0 closed to 1 open\n"
+     "?uv     vec4 gradient; // how u and v of the map move along the two axes of a pixel's footprint\n"
+     "?capped     float level; // log2 of the texels under a pixel\n"
+     "?fade     float fade; // 0 relief to 1 normals only\n"
      "?c } conemap_frustum_hit;\n"
      "?!c };\n"},
     {"conemap_surface",
      "// All about a place where a ray of the frame meets a frustum.\n"
      "$FNconemap_frustum_hit conemap_surface(conemap_frustum f, int frustum, vec3 p, int face) {\n"
-     "    conemap_frustum_hit hit;\n"
+     "    conemap_frustum_hit hit = conemap_no_frustum(0.0f);\n"
      "    conemap_uvw at = conemap_locate(f, p);\n"
-     "    conemap_normals n = conemap_find_normals(f, at);\n"
      "    int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;\n"
      "    hit.found = true;\n"
-     "    hit.inside = false;\n"
      "    hit.frustum = frustum;\n"
      "    hit.user = f.more.z;\n"
      "    hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam\n"
-     "    hit.t = 0.0f;\n"
      "    hit.position = conemap_place_out_of(f, p);\n"
      "    hit.uvw = vec3(at.u, min(max(at.v, 0.0f), 1.0f), at.w);\n"
-     "    hit.map = conemap_map_place(f, at.u, at.v);\n"
-     "    hit.normal = n.shading;\n"
-     "    hit.true_normal = n.plain;\n"
-     "    if (hit.cap != 0) {\n"
-     "        vec4 lower = f.lower, upper = f.upper;\n"
-     "        vec3 flat_end = face == 1 ? vec3(lower.x, -1.0f, lower.y) : vec3(-upper.x, 1.0f, -upper.y);\n"
-     "        hit.normal = conemap_unit(conemap_out_of(f, flat_end));\n"
-     "        hit.true_normal = hit.normal;\n"
-     "    }\n"
+     "?mapped     hit.map = conemap_map_place(f, at.u, at.v);\n"
+     "?normal     conemap_normals n = conemap_find_normals(f, at);\n"
+     "?eased     hit.normal = n.shading;\n"
+     "?normal_out,plain     hit.normal = n.plain;\n"
+     "?every     hit.true_normal = n.plain;\n"
+     "?normal     if (hit.cap != 0) {\n"
+     "?normal         hit.normal = conemap_unit(conemap_out_of(f, conemap_flat_end(f, face)));\n"
+     "?every         hit.true_normal = hit.normal;\n"
+     "?normal     }\n"
      "?blends     if (hit.cap == 0) hit.normal = conemap_blend(frustum, hit.position, hit.normal);\n"
      "    return hit;\n"
+     "}\n"},
+    {"conemap_flat_end",
+     "// Out of the lower (1) or upper (2) cutting plane.\n"
+     "$FNvec3 conemap_flat_end(conemap_frustum f, int face) {\n"
+     "    vec4 lower = f.lower, upper = f.upper;\n"
+     "    return face == 1 ? vec3(lower.x, -1.0f, lower.y) : vec3(-upper.x, 1.0f, -upper.y);\n"
      "}\n"},
     {"conemap_no_frustum",
      "$FNconemap_frustum_hit conemap_no_frustum(float t) {\n"
@@ -13043,21 +13072,190 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    hit.t = t;\n"
      "    hit.position = vec3(0.0f, 0.0f, 0.0f);\n"
      "    hit.uvw = hit.position;\n"
-     "    hit.map = vec2(0.0f, 0.0f);\n"
-     "    hit.normal = hit.position;\n"
-     "    hit.true_normal = hit.position;\n"
+     "?mapped     hit.map = vec2(0.0f, 0.0f);\n"
+     "?normal     hit.normal = hit.position;\n"
+     "?every     hit.true_normal = hit.position;\n"
+     "?depth     hit.depth = 0.0f;\n"
+     "?lights     hit.shadow = 1.0f;\n"
+     "?open     hit.occlusion = 1.0f;\n"
+     "?uv     hit.gradient = vec4(0.0f, 0.0f, 0.0f, 0.0f);\n"
+     "?capped     hit.level = 0.0f;\n"
+     "?fade     hit.fade = 0.0f;\n"
      "    return hit;\n"
      "}\n"},
+
+    /* ---- effects ---- */
+    {"conemap_frusta_effects",
+     "$STRUCT conemap_frusta_effects {\n"
+     "?depth     vec4 clip_z, clip_w; // rows of the matrix: clip z and w of (position, 1)\n"
+     "?lights     vec4 light; // towards the light, 0; or its position, 1\n"
+     "?casts     int first, count; // frusta that throw shadows\n"
+     "?soft     float light_radius; // radians, or the radius of the ball at a position\n"
+     "?sky     float sky_reach; // what is farther away hides nothing\n"
+     "?sky     int sky_directions;\n"
+     "?pixels     float pixel; // how wide a pixel is at distance 1 from the eye; of parallel rays, anywhere\n"
+     "?capped     float lod_bias; // added to the level\n"
+     "?capped     int lod_steps; // the step cap at level 0; 0: none\n"
+     "?fade     float fade_begin, fade_end; // pixels that the shell is thick\n"
+     "?c } conemap_frusta_effects;\n"
+     "?!c };\n"},
+    {"conemap_detail",
+     "$STRUCT conemap_detail { // what is seen of a shell's relief from far away\n"
+     "?capped     float level; // log2 of the texels under a pixel\n"
+     "?capped     int cap; // most steps\n"
+     "?fade     float fade; // 0 relief to 1 normals only\n"
+     "?c } conemap_detail;\n"
+     "?!c };\n"},
+    {"conemap_detail_of",
+     "// Where a ray enters the shell. pixel: how wide one is at t = 0, and its growth.\n"
+     "$FNconemap_detail conemap_detail_of(conemap_frusta_effects e, conemap_frustum f, vec3 o, vec3 v, vec2 range, vec2 "
+     "pixel) {\n"
+     "?capped,size_asked     ivec2 size = $SIZE_ASKED;\n"
+     "    conemap_detail detail;\n"
+     "    vec3 outer = conemap_span(f, vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, range.x, range.y);\n"
+     "    vec3 p = conemap_along(o, v, outer.x);\n"
+     "    float width = max(pixel.x + pixel.y * outer.x, 1e-30f);\n"
+     "?capped     float around = max(6.28318531f * sqrt(p.x * p.x + p.z * p.z), 1e-20f);\n"
+     "?capped     float texels = width * max(float(f.more.y) * $FW / around, abs(f.extent.z) * $FH / f.extent.x);\n"
+     "?capped     detail.level = max(log2(max(texels, 1e-30f)) + e.lod_bias, 0.0f);\n"
+     "?capped     detail.cap = int(max(8.0f, ceil(float(e.lod_steps) * exp2(-detail.level))));\n"
+     "?capped     if (e.lod_steps == 0 || detail.cap > $CAP) detail.cap = $CAP;\n"
+     "?fade     float faded = (e.fade_begin - (f.radii.z + f.radii.w * p.y) / width) / (e.fade_begin - e.fade_end);\n"
+     "?fade     faded = min(max(faded, 0.0f), 1.0f);\n"
+     "?fade     faded *= faded * (3.0f - 2.0f * faded);\n"
+     "?fade     detail.fade = faded >= 0.9999f ? 1.0f : faded;\n"
+     "    return detail;\n"
+     "}\n"},
+    {"conemap_flatten",
+     "// The frustum with its shell shrunk towards a height of $SURFACE in it.\n"
+     "$FNconemap_frustum conemap_flatten(conemap_frustum f, float fade) {\n"
+     "    float at = fade * $SURFACE, rest = 1.0f - fade;\n"
+     "    f.radii = vec4(f.radii.x + at * f.radii.z, f.radii.y + at * f.radii.w, rest * f.radii.z, rest * f.radii.w);\n"
+     "    return f;\n"
+     "}\n"},
+    {"conemap_side_of",
+     "// Some direction at right angles to a unit vector.\n"
+     "$FNvec3 conemap_side_of(vec3 n) {\n"
+     "    return conemap_unit(abs(n.y) < 0.9f ? vec3(n.z, 0.0f, -n.x) : vec3(0.0f, n.z, -n.y));\n"
+     "}\n"},
+    {"conemap_footprint",
+     "// How the map's place moves along the two axes of a pixel's footprint on the frustum.\n"
+     "$FNvec4 conemap_footprint(conemap_frustum f, vec3 p, vec3 direction, float width) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    if (!(at.d > 1e-6f * f.extent.x)) return vec4(0.0f, 0.0f, 0.0f, 0.0f);\n"
+     "    float scale = width, repeat = 0.159154943f * float(f.more.y);\n"
+     "    if (at.thickness > 0.0f) scale = width / at.thickness;\n"
+     "    else at.thickness = 1.0f;\n"
+     "    conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
+     "    vec3 n = conemap_unit(conemap_out_of(f, vec3(at.sine, -at.cone.y, at.cosine))), d = conemap_unit(direction);\n"
+     "    float facing = dot(n, d);\n"
+     "    vec3 away = conemap_along(d, n, -facing);\n"
+     "    away = facing * facing < 0.9999f ? conemap_unit(away) : conemap_side_of(n);\n"
+     "    vec3 b = conemap_into(f, cross(n, away)), a = conemap_into(f, away);\n"
+     "    float far_out = scale / max(abs(facing), 0.015625f);\n"
+     "    vec2 by_a = vec2(far_out * dot(g.u, a) * repeat, far_out * dot(g.v, a));\n"
+     "    vec2 by_b = vec2(scale * dot(g.u, b) * repeat, scale * dot(g.v, b));\n"
+     "    float twist = f.extent.w * float(f.more.y), rise = f.extent.z;\n"
+     "    return vec4(by_a.x + by_a.y * twist, by_a.y * rise, by_b.x + by_b.y * twist, by_b.y * rise);\n"
+     "}\n"},
+    {"conemap_lift",
+     "// The place of the world, just outside the surface, that light is looked at from.\n"
+     "$FNvec3 conemap_lift(conemap_frustum f, vec3 p, int cap) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    float bias = 1e-5f * at.d + 3e-7f * (abs(f.axis_x.w) + abs(f.axis_y.w) + abs(f.axis_z.w) + f.extent.x);\n"
+     "    float out_to = at.d;\n"
+     "?relief     if (at.thickness > 0.0f) {\n"
+     "?relief         float height = conemap_relief(f, at.u, at.v)$DOT_RELIEF + 1.0f / 4096.0f;\n"
+     "?relief         out_to = max(out_to, f.radii.x + f.radii.y * p.y + height * at.thickness);\n"
+     "?relief     }\n"
+     "    out_to += bias;\n"
+     "    if (cap == 0) p = vec3(at.sine * out_to, p.y, at.cosine * out_to);\n"
+     "    else p = conemap_along(p, conemap_unit(conemap_flat_end(f, cap)), bias + 4e-6f * (f.extent.x + f.radii.x + "
+     "f.radii.z));\n"
+     "    return conemap_place_out_of(f, p);\n"
+     "}\n"},
+    {"conemap_light_from",
+     "// The direction to the light, and how far it is.\n"
+     "$FNvec4 conemap_light_from(vec4 light, vec3 place) {\n"
+     "    vec3 d = vec3(light.x, light.y, light.z);\n"
+     "    if (light.w != 0.0f) d = conemap_along(d, place, -1.0f);\n"
+     "    float way = sqrt(dot(d, d));\n"
+     "    return vec4(d.x / way, d.y / way, d.z / way, light.w != 0.0f ? way : 1e29f);\n"
+     "}\n"},
+    {"conemap_spread",
+     "// Point k of n that cover the unit disc evenly.\n"
+     "$FNvec2 conemap_spread(int k, int n) {\n"
+     "    float r = sqrt((float(k) + 0.5f) / float(n)), angle = 2.39996323f * float(k);\n"
+     "    return vec2(r * cos(angle), r * sin(angle));\n"
+     "}\n"},
+    {"conemap_free_rays",
+     "// The share of n rays that meet nothing: their directions are axis * along and a point of the disc times `wide`.\n"
+     "$FNfloat conemap_free_rays(conemap_frusta_effects e, vec3 place, vec3 axis, float wide, bool dome, int n, float "
+     "reach$DETAIL_PARAM) {\n"
+     "    vec3 side = conemap_side_of(axis), other = cross(axis, side);\n"
+     "    int clear = 0;\n"
+     "    for (int k = 0; k < n; ++k) {\n"
+     "        vec2 at = conemap_spread(k, n);\n"
+     "        float up = dome ? sqrt(1.0f - at.x * at.x - at.y * at.y) : 1.0f;\n"
+     "        vec3 d = vec3(axis.x * up, axis.y * up, axis.z * up);\n"
+     "        d = conemap_unit(conemap_along(conemap_along(d, side, wide * at.x), other, wide * at.y));\n"
+     "        if (!conemap_any_frusta(e.first, e.count, place, d, 0.0f, reach$DETAIL_ARG)) ++clear;\n"
+     "    }\n"
+     "    return float(clear) / float(n);\n"
+     "}\n"},
+    {"conemap_openness",
+     "// From the cone: the horizon all around is guessed to stand 0.3 times as steep as the steepest.\n"
+     "$FNfloat conemap_openness(conemap_frustum f, vec3 p) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    if (!(at.thickness > 0.0f) || !(at.d > 1e-6f * f.extent.x)) return 1.0f;\n"
+     "    vec3 slopes = conemap_slopes(f, at.u, at.v);\n"
+     "    float per_u = 0.159154943f * at.thickness / at.d, x = slopes.y * per_u;\n"
+     "    float y = slopes.z * at.thickness / (at.high - at.low), own = sqrt(x * x + y * y);\n"
+     "    float steepness = 1.0f / max(conemap_relief(f, at.u, at.v).y, 1e-6f) - 1.0f / $MAX_TAN;\n"
+     "    float hill = 0.3f * max(per_u * float(f.more.y) * steepness - own, 0.0f);\n"
+     "    return 1.0f / (1.0f + hill * hill);\n"
+     "}\n"},
+    {"conemap_finish",
+     "// What the effects tell of a hit.\n"
+     "$FNconemap_frustum_hit conemap_finish($FINISH_Econemap_frustum_hit hit$FINISH_PARAMS) {\n"
+     "?two_sided,normal_out     if (hit.inside) hit.normal = vec3(-hit.normal.x, -hit.normal.y, -hit.normal.z);\n"
+     "?depth     float w = dot(vec3(e.clip_w.x, e.clip_w.y, e.clip_w.z), hit.position) + e.clip_w.w;\n"
+     "?depth     hit.depth = dot(vec3(e.clip_z.x, e.clip_z.y, e.clip_z.z), hit.position) + e.clip_z.w;\n"
+     "?depth     hit.depth = w > 0.0f ? hit.depth / w : 0.0f;\n"
+     "?uv     hit.gradient = conemap_footprint(f, p, direction, width);\n"
+     "?capped     hit.level = detail.level;\n"
+     "?fade     hit.fade = detail.fade;\n"
+     "?fade,placed     f = conemap_flatten(f, detail.fade);\n"
+     "?occlusion     if (hit.cap == 0) hit.occlusion = conemap_openness(f, p);\n"
+     "?casts     vec3 place = conemap_lift(f, p, hit.cap);\n"
+     "?lights     vec4 light = conemap_light_from(e.light, place);\n"
+     "?hard     bool dark = conemap_any_frusta(e.first, e.count, place, vec3(light.x, light.y, light.z), 0.0f, "
+     "light.w$DETAIL_ARG);\n"
+     "?hard     hit.shadow = dark ? 0.0f : 1.0f;\n"
+     "?soft     float wide = e.light.w != 0.0f ? min(e.light_radius / light.w, 1.0f) : e.light_radius;\n"
+     "?soft     vec3 to_light = vec3(light.x, light.y, light.z);\n"
+     "?soft     hit.shadow = conemap_free_rays(e, place, to_light, wide, false, 16, light.w$DETAIL_ARG);\n"
+     "?sky     float reach = e.sky_reach > 0.0f ? e.sky_reach : 1e29f;\n"
+     "?sky     hit.occlusion = conemap_free_rays(e, place, hit.normal, 1.0f, true, e.sky_directions, reach$DETAIL_ARG);\n"
+     "    return hit;\n"
+     "}\n"},
+
+    /* ---- rays of the world ---- */
     {"conemap_trace_frusta",
      "// The first hit of a ray of the world with `count` frusta from `first`.\n"
-     "$FNconemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min,\n"
+     "$FNconemap_frustum_hit conemap_trace_frusta($E_PARAMint first, int count, vec3 origin, vec3 direction, float t_min,\n"
      "                                           float t_max) {\n"
      "    conemap_frustum_hit hit = conemap_no_frustum(t_max);\n"
      "    float t = t_max;\n"
      "    int nearest = -1, face = 0;\n"
+     "?pixels     float growth = e.pixel * sqrt(dot(direction, direction));\n"
      "    for (int k = first; k < first + count; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
-     "        vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "?!detailed         vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction);\n"
+     "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
+     "?fade         f = conemap_flatten(f, detail.fade);\n"
+     "?detailed         vec2 met = conemap_meet(f, o, v, t_min, t$DETAIL_CAP);\n"
      "        if (met.x < t || (nearest < 0 && met.x <= t)) {\n"
      "            t = met.x;\n"
      "            nearest = k;\n"
@@ -13066,21 +13264,27 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    }\n"
      "    if (nearest >= 0) {\n"
      "        conemap_frustum f = conemap_load(nearest);\n"
-     "        vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
+     "?!detailed         vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
+     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction), p = conemap_along(o, v, t);\n"
+     "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
      "        hit = conemap_surface(f, nearest, p, face);\n"
      "        hit.t = t;\n"
      "        hit.inside = t <= t_min;\n"
+     "?uv         float width = growth * t;\n"
+     "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
      "    }\n"
      "    return hit;\n"
      "}\n"},
     {"conemap_any_frusta",
      "// Does a ray of the world meet any of `count` frusta from `first`? For shadows.\n"
-     "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max) {\n"
+     "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float "
+     "t_max$DETAIL_PARAM) {\n"
      "    bool found = false;\n"
      "    for (int k = first; k < first + count && !found; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
+     "?fade         f = conemap_flatten(f, detail.fade);\n"
      "        found = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, "
-     "t_max).x <= t_max;\n"
+     "t_max$DETAIL_CAP).x <= t_max;\n"
      "    }\n"
      "    return found;\n"
      "}\n"},
@@ -13090,25 +13294,41 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "// conemap_eye, (position, 1) or for parallel rays (direction, 0). Rays begin at the bounds, not at the "
      "eye: single\n"
      "// precision then holds however far the eye is.\n"
-     "$FNconemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye) {\n"
+     "$FNconemap_frustum_hit conemap_see_frustum($E_PARAMint frustum, vec3 place, vec4 eye) {\n"
      "    conemap_frustum f = conemap_load(frustum);\n"
      "    conemap_frustum_hit hit = conemap_no_frustum(0.0f);\n"
      "    vec3 v = conemap_into(f, vec3(eye.x, eye.y, eye.z));\n"
      "    float back = 1e30f; // how far the ray begins before the place\n"
+     "?pixels     vec2 pixel = vec2(e.pixel, 0.0f);\n"
      "    if (eye.w != 0.0f) {\n"
      "        vec3 from = conemap_place_into(f, vec3(eye.x, eye.y, eye.z));\n"
      "        v = vec3(place.x - from.x, place.y - from.y, place.z - from.z);\n"
      "        back = sqrt(v.x * v.x + v.y * v.y + v.z * v.z);\n"
+     "?pixels         vec3 seen = conemap_along(conemap_place_out_of(f, place), vec3(eye.x, eye.y, eye.z), -1.0f);\n"
+     "?pixels         pixel = vec2(e.pixel * sqrt(dot(seen, seen)), e.pixel * sqrt(dot(seen, seen)) / back);\n"
      "    }\n"
      "    v = conemap_unit(v);\n"
-     "    vec2 met = conemap_meet(f, place, v, -back, 1e30f);\n"
+     "?detailed     conemap_detail detail = conemap_detail_of(e, f, place, v, vec2(-back, 1e30f), pixel);\n"
+     "?!fade     vec2 met = conemap_meet(f, place, v, -back, 1e30f$DETAIL_CAP);\n"
+     "?fade     vec2 met = conemap_meet(conemap_flatten(f, detail.fade), place, v, -back, 1e30f$DETAIL_CAP);\n"
      "    if (met.x < 1e30f) {\n"
-     "        hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));\n"
+     "?!finishes         hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));\n"
+     "?finishes         vec3 p = conemap_along(place, v, met.x);\n"
+     "?finishes         hit = conemap_surface(f, frustum, p, int(met.y));\n"
      "        vec3 way = vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);\n"
      "        hit.t = eye.w != 0.0f ? sqrt(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;\n"
      "        hit.inside = met.x <= -back;\n"
+     "?uv         vec3 direction = eye.w != 0.0f ? way : vec3(eye.x, eye.y, eye.z);\n"
+     "?uv         float width = pixel.x + pixel.y * met.x;\n"
+     "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
      "    }\n"
      "    return hit;\n"
+     "}\n"},
+    {"conemap_color",
+     "// A colour map by the footprint's gradients: u jumps where it has gone around.\n"
+     "vec4 conemap_color(conemap_frustum_hit hit) {\n"
+     "?glsl     return textureGrad(conemap_colors, hit.map, hit.gradient.xy, hit.gradient.zw);\n"
+     "?hlsl     return conemap_colors.SampleGrad(conemap_color_sampler, hit.map, hit.gradient.xy, hit.gradient.zw);\n"
      "}\n"},
     {"conemap_bounds",
      "// Vertex 0..35 of the twelve triangles around a frustum's shell, in its frame; see conemap_frustum_triangles.\n"
@@ -13153,6 +13373,9 @@ static const char conemap__frusta_head[] =
     "?uses_map,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?sampler SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?colors,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
+    "?colors,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
+    "?colors,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
     "?camera,vulkan layout(push_constant) uniform conemap_camera {\n"
     "?camera,hlsl cbuffer conemap_camera$CAMERA_LAYOUT {\n"
     "?camera $UNIFORMmat4 conemap_view_projection;\n"
@@ -13193,38 +13416,110 @@ static const char conemap__frusta_vertex[] =
     "}\n";
 
 static const char conemap__frusta_fragment[] =
+    "?settings,vulkan $BLOCK_LAYOUTuniform conemap_settings_block {\n"
+    "?settings,hlsl cbuffer conemap_settings_block$BLOCK_LAYOUT {\n"
+    "?settings $UNIFORMconemap_frusta_effects conemap_settings;\n"
+    "?settings,blocks };\n"
     "?glsl $IN_0in vec3 conemap_place; // in the frustum's frame\n"
     "?glsl $IN_1flat in int conemap_segment;\n"
-    "?glsl,shaded layout(location = 0) out vec4 conemap_color;\n"
+    "?glsl,shaded layout(location = 0) out vec4 conemap_target0;\n"
     "?glsl,coded layout(location = 0) out vec4 conemap_normal; // for shading; w: height in the shell\n"
     "?glsl,coded layout(location = 1) out vec4 conemap_coordinates; // u, v of the map; frustum; t\n"
+    "?glsl,told layout(location = 0) out vec4 conemap_target0; // u, v, w of the frustum, t\n"
+    "?glsl,told,world layout(location = 1) out vec4 conemap_target1; // position; frustum\n"
+    "?glsl,told,normal_out layout(location = $TARGET_2) out vec4 conemap_target$TARGET_2; // normal\n"
+    "?glsl,told,colors layout(location = $TARGET_3) out vec4 conemap_target$TARGET_3; // colour\n"
+    "?glsl,told,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, fade\n"
+    "?glsl,greater layout(depth_greater) out float gl_FragDepth;\n"
+    "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
     "?hlsl struct conemap_targets {\n"
     "?hlsl,shaded     float4 color : SV_Target0;\n"
     "?hlsl,coded     float4 normal : SV_Target0;      // for shading; w: height in the shell\n"
     "?hlsl,coded     float4 coordinates : SV_Target1; // u, v of the map; frustum; t\n"
-    "?hlsl     float depth : SV_Depth;\n"
+    "?hlsl,told     float4 target0 : SV_Target0; // u, v, w of the frustum, t\n"
+    "?hlsl,told,world     float4 target1 : SV_Target1; // position; frustum\n"
+    "?hlsl,told,normal_out     float4 target$TARGET_2 : SV_Target$TARGET_2; // normal\n"
+    "?hlsl,told,colors     float4 target$TARGET_3 : SV_Target$TARGET_3; // colour\n"
+    "?hlsl,told,numbers     float4 target$TARGET_4 : SV_Target$TARGET_4; // shadow, occlusion, level, fade\n"
+    "?hlsl,deep     float depth : $SV_DEPTH;\n"
     "?hlsl };\n"
     "?shaded vec4 $SHADE_NAME(conemap_frustum_hit hit);\n"
     "\n"
     "?glsl void main() {\n"
     "?hlsl conemap_targets main(float3 place : TEXCOORD0, nointerpolation int segment : TEXCOORD1) {\n"
-    "?glsl     conemap_frustum_hit hit = conemap_see_frustum(conemap_segment, conemap_place, conemap_eye);\n"
-    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum(segment, place, conemap_eye);\n"
+    "?glsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSconemap_segment, conemap_place, conemap_eye);\n"
+    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSsegment, place, conemap_eye);\n"
     "    if (!hit.found) discard;\n"
-    "?glsl     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
-    "?hlsl     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
-    "?glsl,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
-    "?glsl,!halved     gl_FragDepth = clip.z / clip.w;\n"
-    "?glsl,shaded     conemap_color = $SHADE_NAME(hit);\n"
+    "?glsl,deep     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
+    "?hlsl,deep     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
+    "?glsl,deep,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
+    "?glsl,deep,!halved     gl_FragDepth = clip.z / clip.w;\n"
     "?glsl,coded     conemap_normal = vec4(hit.normal, hit.uvw.z);\n"
     "?glsl,coded     conemap_coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
     "?hlsl     conemap_targets targets;\n"
     "?hlsl,shaded     targets.color = $SHADE_NAME(hit);\n"
+    "?glsl,shaded     conemap_target0 = $SHADE_NAME(hit);\n"
     "?hlsl,coded     targets.normal = vec4(hit.normal, hit.uvw.z);\n"
     "?hlsl,coded     targets.coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
-    "?hlsl     targets.depth = clip.z / clip.w;\n"
+    "?told     $INTO_0 = vec4(hit.uvw, hit.t);\n"
+    "?told,world     $INTO_1 = vec4(hit.position, float(hit.frustum));\n"
+    "?told,normal_out     $INTO_2 = vec4(hit.normal, 0.0f);\n"
+    "?told,colors     $INTO_3 = conemap_color(hit);\n"
+    "?told,numbers     $INTO_4 = vec4($NUMBERS);\n"
+    "?hlsl,deep     targets.depth = clip.z / clip.w;\n"
     "?hlsl     return targets;\n"
     "}\n";
+
+/* Sets the flags of effects: what an emission without any has, and says what does not go with them. */
+static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const conemap_frusta_shader_desc *d) {
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const unsigned flags = d->stage == CONEMAP_FRUSTA_VERTEX ? 0 : d->flags;
+    const int fragment = d->stage == CONEMAP_FRUSTA_FRAGMENT;
+    unsigned char *f = e->flags;
+    if (conemap__effects_clash(flags) || (flags & never) || (flags && d->any_hit) || ((flags & far_away) && !d->relief) ||
+        ((flags & CONEMAP_EFFECT_OCCLUSION) && !f[conemap__flag_cone_march]))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    f[conemap__flag_every] = flags == 0;
+    f[conemap__flag_capped] = (flags & CONEMAP_EFFECT_LOD) != 0;
+    f[conemap__flag_fade] = (flags & CONEMAP_EFFECT_FADE) != 0;
+    f[conemap__flag_two_sided] = (flags & CONEMAP_EFFECT_TWO_SIDED) != 0;
+    f[conemap__flag_world] = (flags & CONEMAP_EFFECT_POSITION) != 0;
+    f[conemap__flag_smooth] = (flags & CONEMAP_EFFECT_SMOOTH_NORMAL) != 0;
+    f[conemap__flag_hard] = (flags & CONEMAP_EFFECT_SHADOW) != 0;
+    f[conemap__flag_soft] = (flags & CONEMAP_EFFECT_SOFT_SHADOW) != 0;
+    f[conemap__flag_lights] = f[conemap__flag_hard] || f[conemap__flag_soft];
+    f[conemap__flag_occlusion] = (flags & CONEMAP_EFFECT_OCCLUSION) != 0;
+    f[conemap__flag_sky] = (flags & CONEMAP_EFFECT_SKY) != 0;
+    f[conemap__flag_open] = f[conemap__flag_occlusion] || f[conemap__flag_sky];
+    f[conemap__flag_uv] = (flags & CONEMAP_EFFECT_UV) != 0;
+    f[conemap__flag_colors] = f[conemap__flag_uv] && !f[conemap__flag_c] && !d->depth_only;
+    f[conemap__flag_depth] = (flags & CONEMAP_EFFECT_DEPTH) && !fragment; /* there the camera is known */
+    f[conemap__flag_deep] = fragment && (flags == 0 || (flags & CONEMAP_EFFECT_DEPTH));
+    f[conemap__flag_normal_out] = (flags & CONEMAP_EFFECT_NORMAL) || f[conemap__flag_smooth] || f[conemap__flag_sky];
+    f[conemap__flag_normal] = f[conemap__flag_every] || f[conemap__flag_normal_out];
+    f[conemap__flag_eased] = f[conemap__flag_every] || f[conemap__flag_smooth];
+    f[conemap__flag_plain] = f[conemap__flag_every] || (f[conemap__flag_normal_out] && !f[conemap__flag_smooth]);
+    f[conemap__flag_blends] = d->blend > 0.0f && f[conemap__flag_eased];
+    f[conemap__flag_mapped] = f[conemap__flag_every] || f[conemap__flag_uv];
+    f[conemap__flag_detailed] = f[conemap__flag_capped] || f[conemap__flag_fade];
+    f[conemap__flag_pixels] = f[conemap__flag_uv] || f[conemap__flag_detailed];
+    f[conemap__flag_casts] = f[conemap__flag_lights] || f[conemap__flag_sky];
+    f[conemap__flag_placed] = f[conemap__flag_casts] || f[conemap__flag_occlusion];
+    f[conemap__flag_settings] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_casts];
+    f[conemap__flag_finishes] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_placed] ||
+                                (f[conemap__flag_two_sided] && f[conemap__flag_normal_out]);
+    f[conemap__flag_numbers] = f[conemap__flag_lights] || f[conemap__flag_open] || f[conemap__flag_detailed];
+    f[conemap__flag_coded] = fragment && !d->shade && !d->depth_only && flags == 0;
+    f[conemap__flag_told] = fragment && !d->shade && !d->depth_only && flags != 0;
+    f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
+    f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
+    if ((d->depth_only && !f[conemap__flag_deep]) ||
+        (d->depth_bound != CONEMAP_DEPTH_ANY &&
+         (!f[conemap__flag_deep] || f[conemap__flag_es] || d->dialect == CONEMAP_GLSL_330)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    return CONEMAP_OK;
+}
 
 /* Checks a desc and sets the emitter up: what it shares with a tracer's shader goes into that one's desc. */
 static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frusta_shader_desc *d) {
@@ -13242,6 +13537,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     int relaxed, k;
     if (!CONEMAP__KNOWN(d->stage, CONEMAP_FRUSTA_STAGE_COUNT) || !CONEMAP__KNOWN(d->march, CONEMAP_MARCH_COUNT) ||
         !CONEMAP__KNOWN(d->source, CONEMAP_FRUSTA_SOURCE_COUNT) ||
+        !CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT) ||
         !CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT))
         return CONEMAP_ERROR_ENUM;
     if (d->uniform_count == 0) d->uniform_count = 113;
@@ -13306,12 +13602,10 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     f[conemap__flag_cone_march] = d->relief && trace.march == CONEMAP_MARCH_CONES;
     f[conemap__flag_steps_march] = d->relief && trace.march == CONEMAP_MARCH_STEPS;
     f[conemap__flag_linear_v] = d->relief && d->linear_v;
-    f[conemap__flag_blends] = d->blend > 0.0f;
     f[conemap__flag_vertex] = d->stage == CONEMAP_FRUSTA_VERTEX;
     f[conemap__flag_fragment] = d->stage == CONEMAP_FRUSTA_FRAGMENT;
     f[conemap__flag_camera] = d->stage != CONEMAP_FRUSTA_FUNCTIONS;
     f[conemap__flag_shaded] = f[conemap__flag_fragment] && d->shade;
-    f[conemap__flag_coded] = f[conemap__flag_fragment] && !d->shade && !d->depth_only;
     f[conemap__flag_halved] = !f[conemap__flag_vulkan] && !d->zero_to_one;
     f[conemap__flag_blocks] = f[conemap__flag_hlsl] || f[conemap__flag_vulkan];
     f[conemap__flag_any] = d->any_hit != 0;
@@ -13327,7 +13621,60 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     if (!d->relief || f[conemap__flag_vertex])
         f[conemap__flag_uses_map] = f[conemap__flag_uses_heights] = f[conemap__flag_sampler] = 0;
     f[conemap__flag_uses_maxima] = 0;
-    return CONEMAP_OK;
+    return conemap__resolve_frusta_effects(e, d);
+}
+
+/* The pieces of effects; `next` is the next texture's binding, `constants` the next constant buffer's. */
+static void conemap__frusta_effect_pieces(conemap__emitter *e, int next, int constants) {
+    static const char *const targets[5][2] = {{"TARGET_0", "INTO_0"}, {"TARGET_1", "INTO_1"}, {"TARGET_2", "INTO_2"},
+                                              {"TARGET_3", "INTO_3"}, {"TARGET_4", "INTO_4"}};
+    const unsigned char *f = e->flags;
+    const size_t size = CONEMAP__PIECE_SIZE;
+    const int hlsl = f[conemap__flag_hlsl], detailed = f[conemap__flag_detailed], capped = f[conemap__flag_capped];
+    const int settings = f[conemap__flag_settings], light = f[conemap__flag_depth] || f[conemap__flag_casts];
+    int k, target = 0;
+    char *out;
+    conemap__piece_set(e, "E_PARAM", 0, settings ? "conemap_frusta_effects e, " : "");
+    conemap__piece_set(e, "SETTINGS", 0, settings ? "conemap_settings, " : "");
+    conemap__piece_set(e, "FINISH_E", 0, light ? "conemap_frusta_effects e, " : "");
+    conemap__piece_set(e, "FINISH_E_ARG", 0, light ? "e, " : "");
+    for (k = 0; k < 2; ++k) {
+        out = conemap__piece_new(e, k ? "FINISH_ARGS" : "FINISH_PARAMS", 0);
+        if (f[conemap__flag_uv] || f[conemap__flag_placed])
+            conemap__append(out, size, k ? ", f, p" : ", conemap_frustum f, vec3 p");
+        if (f[conemap__flag_uv]) conemap__append(out, size, k ? ", direction, width" : ", vec3 direction, float width");
+        conemap__append(out, size, k ? "$DETAIL_ARG" : "$DETAIL_PARAM");
+    }
+    conemap__piece_set(e, "DETAIL_PARAM", 0, detailed ? ", conemap_detail detail" : "");
+    conemap__piece_set(e, "DETAIL_ARG", 0, detailed ? ", detail" : "");
+    conemap__piece_set(e, "DETAIL_CAP", 0, capped ? ", detail.cap" : "");
+    conemap__piece_set(e, "CAP_PARAM", 0, capped ? ", int cap" : "");
+    conemap__piece_set(e, "CAP_ARG", 0, capped ? ", cap" : "");
+    conemap__piece_set(e, "STEPS", 0, capped ? "cap" : "$CAP");
+    for (k = 0; k < 5; ++k) { /* targets that were asked for follow each other */
+        conemap__append_int(conemap__piece_new(e, targets[k][0], 1), size, target);
+        out = conemap__piece_new(e, targets[k][1], 0);
+        conemap__append(out, size, hlsl ? "targets.target" : "conemap_target");
+        conemap__append_int(out, size, target);
+        target += k == 0   ? 1
+                  : k == 1 ? f[conemap__flag_world]
+                  : k == 2 ? f[conemap__flag_normal_out]
+                           : f[conemap__flag_colors];
+    }
+    out = conemap__piece_new(e, "NUMBERS", 0);
+    conemap__append(out, size, f[conemap__flag_lights] ? "hit.shadow, " : "1.0f, ");
+    conemap__append(out, size, f[conemap__flag_open] ? "hit.occlusion, " : "1.0f, ");
+    conemap__append(out, size, capped ? "hit.level, " : "0.0f, ");
+    conemap__append(out, size, f[conemap__flag_fade] ? "hit.fade" : "0.0f");
+    conemap__piece_set(e, "SV_DEPTH", 1,
+                       f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
+                       : f[conemap__flag_less]  ? "SV_DepthLessEqual"
+                                                : "SV_Depth");
+    conemap__place_resource(e, "COLORS_LAYOUT", 't', next);
+    conemap__piece_set(e, "COLOR_SAMPLER", 1, f[conemap__flag_es] ? "highp sampler2D" : "sampler2D");
+    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', e->desc.sampler_binding + f[conemap__flag_sampler]);
+    if (f[conemap__flag_blocks]) /* beside the camera */
+        conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? constants : next + f[conemap__flag_colors]);
 }
 
 /* Says what the pieces stand for that a tracer's shader does not have. */
@@ -13373,6 +13720,7 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
     conemap__piece_set(e, "DOT_HEIGHT", 0, f[conemap__flag_cones] ? ".x" : "");
     conemap__piece_set(e, "PIECE", 0, f[conemap__flag_linear_v] ? ", piece" : "");
     conemap__append_float(conemap__piece_new(e, "HEIGHT", 0), size, d->relief ? 0.0f : d->height);
+    conemap__append_float(conemap__piece_new(e, "SURFACE", 0), size, d->height);
     conemap__append_float(conemap__piece_new(e, "BLEND", 0), size, d->blend);
     out = conemap__piece_new(e, "TIMES_ASPECT", 0);
     if (e->desc.map.aspect < 1.0f || e->desc.map.aspect > 1.0f) {
@@ -13391,6 +13739,7 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
     conemap__place_resource(e, "FRUSTA_LAYOUT", f[conemap__flag_from_block] && !(hlsl && !uniforms) ? 'b' : 't',
                             e->desc.binding + (hlsl && uniforms ? 0 : after));
     conemap__place_resource(e, "CAMERA_LAYOUT", 'b', e->desc.binding + uniforms);
+    conemap__frusta_effect_pieces(e, e->desc.binding + after + 1, e->desc.binding + uniforms + 1);
 }
 
 /* One pass of the emitter; with text null it only counts. */
@@ -13415,6 +13764,7 @@ static conemap_result conemap__emit_frusta_once(const conemap_frusta_shader_desc
     conemap__lines(&e, conemap__frusta_host, 0);
     for (k = 0; k < 4 && d.stage == CONEMAP_FRUSTA_FUNCTIONS; ++k)
         if (k == 3 || (k == 1) == (d.any_hit != 0)) conemap__snippet_named(&e, functions[k], strlen(functions[k]));
+    if (e.flags[conemap__flag_colors]) conemap__snippet_named(&e, "conemap_color", 13);
     for (k = 0; k < 2 && d.stage != CONEMAP_FRUSTA_FUNCTIONS; ++k)
         conemap__lines(&e, d.stage == CONEMAP_FRUSTA_VERTEX ? conemap__frusta_vertex : conemap__frusta_fragment,
                        1 - k);
