@@ -1252,6 +1252,17 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
        vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
    or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
 
+   Effects. With flags (conemap_effect bits, see FRUSTA EFFECTS) a hit holds found, inside, frustum, user, cap, t,
+   position and uvw, and of the rest what these ask for: normal, depth, shadow, occlusion, map and gradient, level, fade.
+   If one of them has settings, conemap_frusta_effects is the first argument of the functions; its fields are written
+   in the text, nothing is 0 for a default, light and clip rows are as in conemap_emit's, and
+     - effects.first and count: the frusta that throw shadows, each of which every ray to the light looks at;
+     - effects.pixel: how wide a pixel is at distance 1 from the eye, for parallel rays anywhere;
+     - UV also writes conemap_color(hit), which samples the texture conemap_colors (behind the frusta) by the gradients.
+   FRAGMENT writes depth if DEPTH is asked for, as it does without flags. Its targets are (u, v, w of the frustum, t),
+   then of (position, frustum), normal, colour and (shadow, occlusion, level, fade) those that are asked for. Settings
+   are the uniform conemap_settings (Vulkan: in a block behind the textures; HLSL: a cbuffer behind the camera's).
+
    Single precision. Rays are followed in the frustum's own frame, from the bounds on where they were drawn, so that an
    error is a few 2^-24 of the frustum's size and its shell's, however far away the eye is. conemap_trace_frusta begins
    at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). Neighbours overlap by 1e-6 of
@@ -1310,8 +1321,8 @@ typedef struct conemap_frusta_shader_desc {
 } conemap_frusta_shader_desc;
 
 /* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or
-   ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors. Thread-safe, allocates
-   nothing. */
+   ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors; effects that frusta do
+   not have, lack the relief or the cones for, or with any_hit. Thread-safe, allocates nothing. */
 CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text, size_t capacity,
                                                size_t *size);
 
@@ -1541,6 +1552,41 @@ CONEMAP_API conemap_result conemap_lod_at(const conemap_map *map, const conemap_
    Errors: NULL, PARAMETER. Thread-safe. */
 CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
                                             int first_row, int rows, float *sky);
+
+/* ======================================================================================================
+   F R U S T A   E F F E C T S
+
+   The flags of EFFECTS for skeletons, on the CPU and as conemap_emit_frusta writes them:
+       POSITION       as it is in the hit
+       NORMAL         of the surface as it was traced
+       SMOOTH_NORMAL  that goes on across joints [BJCW09 eq. 8], mixed at branches by `blend`
+       DEPTH          of the position
+       UV             of the map, not wrapped, and how it moves along the two axes of a pixel's footprint, away from the
+                      viewer and across: gradients for textureGrad without a seam where u has gone around
+       LOD            a cap of steps by the texels under a pixel; the map's levels are not read
+       FADE           where the shell is but pixels thick it shrinks to the plain frustum at desc->height (0: the inner
+                      one); normals keep the relief's slopes
+       SHADOW         of all segments on each other, by one ray to the light
+       SOFT_SHADOW    16 rays that cover the light's disc: in steps of 1/16
+       SKY            sky_directions rays, cosine-weighted about the normal
+       OCCLUSION      from the cone over the relief, as in EFFECTS; branches nearby are not known to it. MARCH_CONES
+       TWO_SIDED      where a ray begins inside, the normal turns to the viewer
+   Without a meaning here, UNSUPPORTED: CLIP (a frustum ends at its cutting planes, and u goes around), CURVED (the
+   base is a cone, exactly), HOLES (frusta are solid, so nothing would be seen through one). LOD and FADE need relief.
+   ====================================================================================================== */
+
+/* Traces `count` rays of the world against a skeleton and shades their hits. With no flags it is
+   conemap_skeleton_trace and shadings may be null.
+   effects: frames, clip, alpha, levels and gradients are not read. pixel: how wide one is at distance 1 from the rays'
+   origins, at t = 0 of a direction of length 1; for UV, LOD and FADE.
+   Light is followed from just outside the surface, 2^-12 of the shell's thickness above the relief; it sees the relief
+   with the cap and as flat as the hit did.
+   Errors: those of conemap_skeleton_trace; PARAMETER, ENUM, NULL and UNSUPPORTED (any_hit; two effects of which one is
+   instead of the other; those above) as conemap_shade. Thread-safe, allocates nothing. */
+CONEMAP_API conemap_result conemap_skeleton_shade(const conemap_skeleton *skeleton,
+                                                  const conemap_skeleton_trace_desc *desc,
+                                                  const conemap_effects *effects, float pixel, const conemap_ray *rays,
+                                                  conemap_skeleton_hit *hits, conemap_shading *shadings, int count);
 
 #ifdef __cplusplus
 }
@@ -12164,19 +12210,42 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
 
 /* ---- tracing ---------------------------------------------------------------------------------------- */
 
+/* How much of a shell's relief is seen, and what says so: see FRUSTA EFFECTS. */
+typedef struct conemap__detail {
+    float level, fade;
+    int steps;
+} conemap__detail;
+typedef struct conemap__sight conemap__sight;
+static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
+                                          const conemap_frustum *f, const conemap__world_ray *world, double until);
+static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade);
+
 /* What a ray has met so far. */
 typedef struct conemap__found {
     double t;
     int segment, face, inside, steps;
+    const conemap__sight *sight; /* null: all of the relief */
+    conemap__detail detail;
 } conemap__found;
 
 /* Meets one segment's surface before found->t, if it does. */
 static void conemap__trace_segment(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
                                    const conemap__world_ray *world, int segment, conemap__found *found) {
     const conemap_frustum *f = &skeleton->frusta[segment];
+    conemap_skeleton_trace_desc seen;
+    conemap_frustum flat;
+    conemap__detail detail;
     conemap__shell shell;
     double t0 = world->t0, t1 = found->t, end, inner0, inner1, t;
     int face, inner_face, solid;
+    if (found->sight) {
+        detail = conemap__detail_of(found->sight, desc, f, world, t1);
+        flat = conemap__flatten(f, desc->height, detail.fade);
+        seen = *desc;
+        seen.steps = detail.steps;
+        desc = &seen;
+        f = &flat;
+    }
     shell.ray = conemap__local(f, world->o, world->v);
     if (!desc->map || (f->t <= 0.0f && f->tk <= 0.0f)) {
         conemap__cone plain = conemap__cone_at(f, desc->map ? 0.0 : (double)desc->height);
@@ -12207,6 +12276,7 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
     found->segment = segment;
     found->face = face;
     found->inside = t <= world->t0;
+    if (found->sight) found->detail = detail;
 }
 
 /* When the ray enters a box; NEVER if it does not before `until`. */
@@ -12442,14 +12512,16 @@ static conemap_result conemap__resolve_skeleton_trace(conemap_skeleton_trace_des
     return CONEMAP_OK;
 }
 
-static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
-                                        const conemap_ray *ray, conemap_skeleton_hit *hit) {
+static conemap__found conemap__trace_skeleton_ray(const conemap_skeleton *skeleton,
+                                                  const conemap_skeleton_trace_desc *desc, const conemap_ray *ray,
+                                                  const conemap__sight *sight, conemap_skeleton_hit *hit) {
     conemap__world_ray world = conemap__prepare_ray(ray);
     conemap__found found;
     double t;
     memset(&found, 0, sizeof found);
     found.t = world.t1;
     found.segment = -1;
+    found.sight = sight;
     conemap__walk_tree(skeleton, desc, &world, &found);
     memset(hit, 0, sizeof *hit);
     hit->segment = found.segment;
@@ -12458,11 +12530,18 @@ static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const 
     hit->t = t < 3.0e38 ? (float)t : conemap__from_bits(0x7f800000u);
     if (found.segment < 0) {
         hit->status = found.t < CONEMAP__NEVER ? CONEMAP_T_MAX : CONEMAP_LEFT;
-        return;
+        return found;
     }
     hit->status = CONEMAP_HIT;
     hit->inside = found.inside;
     if (!desc->any_hit) conemap__put_surface(skeleton, desc, &world, &found, hit);
+    return found;
+}
+
+static void conemap__no_ray(conemap_skeleton_hit *hit) {
+    memset(hit, 0, sizeof *hit);
+    hit->status = CONEMAP_INVALID;
+    hit->segment = -1;
 }
 
 CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
@@ -12481,11 +12560,9 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
     for (k = 0; k < count; ++k) {
         conemap_result ray_result = conemap__check_ray(&rays[k]);
         if (ray_result == CONEMAP_OK) {
-            conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], &hits[k]);
+            conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], NULL, &hits[k]);
         } else {
-            memset(&hits[k], 0, sizeof hits[k]);
-            hits[k].status = CONEMAP_INVALID;
-            hits[k].segment = -1;
+            conemap__no_ray(&hits[k]);
             if (result == CONEMAP_OK) result = ray_result;
         }
     }
@@ -15212,6 +15289,328 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
             sky[(size_t)y * (size_t)map->info.width + (size_t)x] = conemap__sky(&place, normal, directions, 0.0f);
         }
     return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   F R U S T A   E F F E C T S
+
+   The same flags for skeletons. Light is followed by rays through all segments, from just outside the surface.
+   ====================================================================================================== */
+
+enum { CONEMAP__LIGHT_RAYS = 16 };
+
+struct conemap__sight {
+    const conemap_effects *e;
+    float pixel;                  /* how wide one is at distance 1 */
+    const conemap__detail *given; /* for light: as the hit saw it; null: by the distance */
+};
+
+/* Where a ray enters the shell. */
+static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
+                                          const conemap_frustum *f, const conemap__world_ray *world, double until) {
+    const conemap_effects *e = sight->e;
+    conemap__local_ray ray;
+    conemap__detail detail;
+    double t0 = world->t0, t1 = until, p[3], width;
+    int face;
+    detail.level = detail.fade = 0.0f;
+    detail.steps = desc->steps;
+    if (sight->given) return *sight->given;
+    ray = conemap__local(f, world->o, world->v);
+    if (!conemap__solid_span(f, conemap__cone_at(f, 1.0), &ray, &t0, &t1, &face)) return detail;
+    conemap__along(&ray, t0, p);
+    width = conemap__maxd((double)sight->pixel * sqrt(conemap__dot3(world->v, world->v)) * t0, 1e-30);
+    if (e->flags & CONEMAP_EFFECT_LOD) {
+        double around = conemap__maxd(6.283185307179586 * sqrt(p[0] * p[0] + p[2] * p[2]), 1e-20);
+        double u = (double)f->u_repeat * (double)desc->map->info.width / around;
+        double v = conemap__absd((double)f->v_size) * (double)desc->map->info.height / (double)f->h;
+        detail.level = log2f((float)conemap__mind(conemap__maxd(width * conemap__maxd(u, v), 1e-30), 1e30)) + e->lod_bias;
+        detail.level = conemap__max(detail.level, 0.0f);
+        if (e->lod_steps)
+            detail.steps = conemap__mini(
+                desc->steps, conemap__maxi(8, (int)ceilf((float)e->lod_steps * powf(2.0f, -detail.level))));
+    }
+    if (e->flags & CONEMAP_EFFECT_FADE) {
+        double thick = (double)f->t + (double)f->tk * p[1];
+        detail.fade = conemap__fade_of((float)conemap__mind(thick / width, 1e30), e->fade_begin, e->fade_end);
+        if (detail.fade >= 0.9999f) detail.fade = 1.0f;
+    }
+    return detail;
+}
+
+/* The frustum with its shell shrunk towards a height in it: every place keeps its u and v. */
+static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade) {
+    conemap_frustum flat = *f;
+    flat.r += fade * height * f->t;
+    flat.k += fade * height * f->tk;
+    flat.t *= 1.0f - fade;
+    flat.tk *= 1.0f - fade;
+    return flat;
+}
+
+/* A hit that is shaded: its frustum as it was traced, and the place in it. */
+typedef struct conemap__lit_place {
+    const conemap_skeleton *skeleton;
+    conemap_skeleton_trace_desc desc; /* any_hit */
+    conemap__sight sight;
+    conemap__detail detail;
+    conemap_frustum f;
+    double local[3], from[3]; /* of the hit; in the world, just outside the surface */
+} conemap__lit_place;
+
+/* A bias keeps light from its own surface: heights by 2^-12, what is flat by what floats can tell apart. */
+static void conemap__lift_place(conemap__lit_place *place, int cap) {
+    const conemap_frustum *f = &place->f;
+    conemap__place_uvw at = conemap__uvw(f, place->local);
+    double bias, out = at.d, p[3], axes[3][3];
+    int k;
+    bias = conemap__absd((double)f->axis_x[3]) + conemap__absd((double)f->axis_y[3]) + conemap__absd((double)f->axis_z[3]);
+    bias = 1e-5 * at.d + 3e-7 * (bias + (double)f->h);
+    if (place->desc.map && at.thickness > 0.0) {
+        double height = (double)conemap__relief(place->desc.map, f, at.u, at.v).height + 1.0 / 4096.0;
+        out = conemap__maxd(out, (double)f->r + (double)f->k * place->local[1] + height * at.thickness);
+    }
+    p[0] = at.sine * (out + bias);
+    p[1] = place->local[1];
+    p[2] = at.cosine * (out + bias);
+    if (cap) {
+        const float *plane = cap == 1 ? f->lower : f->upper;
+        double n[3], sign = cap == 1 ? -1.0 : 1.0;
+        n[0] = -sign * (double)plane[0];
+        n[1] = sign;
+        n[2] = -sign * (double)plane[1];
+        conemap__normalise3(n);
+        bias += 4e-6 * ((double)f->h + (double)f->r + (double)f->t);
+        for (k = 0; k < 3; ++k) p[k] = place->local[k] + bias * n[k];
+    }
+    conemap__axes(f, axes);
+    for (k = 0; k < 3; ++k)
+        place->from[k] = conemap__origin(f, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k];
+}
+
+/* Does a ray from the place meet anything? */
+static int conemap__is_dark(const conemap__lit_place *place, const double *direction, double reach) {
+    conemap__world_ray ray;
+    conemap__found found;
+    memset(&found, 0, sizeof found);
+    memcpy(ray.o, place->from, sizeof ray.o);
+    memcpy(ray.v, direction, sizeof ray.v);
+    ray.t0 = 0.0;
+    ray.t1 = reach;
+    ray.scale = 1.0;
+    found.t = reach;
+    found.segment = -1;
+    found.sight = place->sight.e ? &place->sight : NULL;
+    conemap__walk_tree(place->skeleton, &place->desc, &ray, &found);
+    return found.segment >= 0;
+}
+
+/* Some direction at right angles to a unit vector. */
+static void conemap__side_of(const double *n, double *side) {
+    const int upright = conemap__absd(n[1]) >= 0.9;
+    side[0] = upright ? 0.0 : n[2];
+    side[1] = upright ? n[2] : 0.0;
+    side[2] = upright ? -n[1] : -n[0];
+    conemap__normalise3(side);
+}
+
+/* The share of n rays that meet nothing. They cover evenly a disc `wide` across the end of the axis, or with `dome` a
+   half sphere over it, seen from above. */
+static float conemap__free_rays(const conemap__lit_place *place, const double *axis, double wide, int dome, int n,
+                                double reach) {
+    double side[3], other[3], d[3];
+    int clear = 0, k, c;
+    conemap__side_of(axis, side);
+    conemap__cross3(axis, side, other);
+    for (k = 0; k < n; ++k) {
+        double r2 = ((double)k + 0.5) / (double)n, r = sqrt(r2), sine, cosine;
+        conemap__turn(0.3819660112501051 * (double)k, &sine, &cosine); /* the golden angle */
+        for (c = 0; c < 3; ++c)
+            d[c] = axis[c] * (dome ? sqrt(1.0 - r2) : 1.0) + wide * r * (side[c] * cosine + other[c] * sine);
+        conemap__normalise3(d);
+        clear += !conemap__is_dark(place, d, reach);
+    }
+    return (float)clear / (float)n;
+}
+
+/* How u and v of the map move along the two axes of a pixel's footprint on the frustum: away from the viewer and across.
+   */
+static void conemap__footprint_of(const conemap_frustum *f, const double *p, const double *direction, double width,
+                                  conemap_gradient *gradient) {
+    conemap__place_uvw at = conemap__uvw(f, p);
+    double grad_u[3], grad_v[3], grad_w[3], n[3], d[3], away[3], across[3], facing, u[2], v[2];
+    int k;
+    memset(gradient, 0, sizeof *gradient);
+    if (!(at.d > 1e-6 * (double)f->h)) return;
+    conemap__uvw_gradients(f, &at, grad_u, grad_v, grad_w);
+    conemap__gradient_to_world(f, grad_w, n);
+    conemap__normalise3(n);
+    memcpy(d, direction, sizeof d);
+    conemap__normalise3(d);
+    facing = conemap__dot3(n, d);
+    for (k = 0; k < 3; ++k) away[k] = d[k] - facing * n[k];
+    if (!(facing * facing < 0.9999)) conemap__side_of(n, away);
+    conemap__normalise3(away);
+    conemap__cross3(n, away, across);
+    for (k = 0; k < 2; ++k) {
+        const double *axis = k ? across : away;
+        double scale = k ? width : width / conemap__maxd(conemap__absd(facing), 0.015625), local[3];
+        local[0] = (double)f->axis_x[0] * axis[0] + (double)f->axis_x[1] * axis[1] + (double)f->axis_x[2] * axis[2];
+        local[1] = (double)f->axis_y[0] * axis[0] + (double)f->axis_y[1] * axis[1] + (double)f->axis_y[2] * axis[2];
+        local[2] = (double)f->axis_z[0] * axis[0] + (double)f->axis_z[1] * axis[1] + (double)f->axis_z[2] * axis[2];
+        v[k] = scale * conemap__dot3(grad_v, local);
+        u[k] = (scale * conemap__dot3(grad_u, local) + v[k] * (double)f->twist) * (double)f->u_repeat;
+        v[k] *= (double)f->v_size;
+    }
+    gradient->dudx = (float)u[0];
+    gradient->dvdx = (float)v[0];
+    gradient->dudy = (float)u[1];
+    gradient->dvdy = (float)v[1];
+}
+
+/* From the cone at a place of the shell: as conemap_shade's, the map lying on the cone around the axis. */
+static float conemap__shell_openness(const conemap_map *map, const conemap_frustum *f, const double *p) {
+    conemap__place_uvw at = conemap__uvw(f, p);
+    double x, y, by_u, by_v, per_u;
+    conemap__quad quad;
+    conemap__corners h;
+    if (!(at.thickness > 0.0) || !(at.d > 1e-6 * (double)f->h)) return 1.0f;
+    quad = conemap__relief_quad(map, f, at.u, at.v, &x, &y);
+    h = conemap__gather(map->heights, quad);
+    by_u = ((double)h.h10 - (double)h.h00) * (1.0 - y) + ((double)h.h11 - (double)h.h01) * y;
+    by_v = ((double)h.h01 - (double)h.h00) * (1.0 - x) + ((double)h.h11 - (double)h.h10) * x;
+    by_u *= (double)map->info.width * (double)f->u_repeat;
+    by_v = by_v * (double)map->info.height * (double)f->v_size + by_u * (double)f->twist;
+    per_u = 0.15915494309189535 * at.thickness / at.d;
+    x = by_u * per_u;
+    y = by_v * at.thickness / (at.upper - at.lower);
+    return conemap__cone_openness(conemap__relief(map, f, at.u, at.v).tangent, map->info.max_tan,
+                                  (float)(per_u * (double)f->u_repeat), (float)sqrt(x * x + y * y));
+}
+
+/* Everything that is asked for about a hit. */
+static void conemap__shade_segment(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                   const conemap_effects *e, float pixel, const conemap_ray *ray,
+                                   const conemap__found *found, const conemap_skeleton_hit *hit, conemap_shading *s) {
+    const unsigned lights = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const float *seen = e->flags & CONEMAP_EFFECT_SMOOTH_NORMAL ? hit->normal : hit->true_normal;
+    const double sign = hit->inside && (e->flags & CONEMAP_EFFECT_TWO_SIDED) ? -1.0 : 1.0;
+    conemap__world_ray world = conemap__prepare_ray(ray);
+    conemap__lit_place place;
+    double point[3], normal[3];
+    int k;
+    memset(&place, 0, sizeof place);
+    for (k = 0; k < 3; ++k) {
+        point[k] = world.o[k] + found->t * world.v[k];
+        normal[k] = sign * (double)seen[k];
+    }
+    place.f = skeleton->frusta[hit->segment];
+    conemap__to_local(&place.f, point, place.local);
+    if (e->flags & CONEMAP_EFFECT_POSITION) memcpy(s->position, hit->position, sizeof s->position);
+    if (e->flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL))
+        for (k = 0; k < 3; ++k) s->normal[k] = (float)normal[k];
+    if ((e->flags & CONEMAP_EFFECT_DEPTH) &&
+        conemap_depth(e->view_projection, hit->position, e->depth_range, &s->depth) != CONEMAP_OK)
+        s->depth = 0.0f;
+    if (e->flags & CONEMAP_EFFECT_UV) {
+        double width = (double)pixel * sqrt(conemap__dot3(world.v, world.v)) * found->t;
+        s->uv[0] = hit->map_u;
+        s->uv[1] = hit->map_v;
+        conemap__footprint_of(&place.f, place.local, world.v, width, &s->gradient);
+    }
+    if (e->flags & CONEMAP_EFFECT_LOD) s->level = found->detail.level;
+    if (e->flags & CONEMAP_EFFECT_FADE) s->fade = found->detail.fade;
+    if (!(e->flags & (lights | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY))) return;
+    place.skeleton = skeleton;
+    place.desc = *desc;
+    place.desc.any_hit = 1;
+    place.detail = found->detail;
+    place.sight.e = found->sight ? e : NULL;
+    place.sight.given = &place.detail;
+    place.f = conemap__flatten(&place.f, desc->height, place.detail.fade);
+    if (e->flags & CONEMAP_EFFECT_OCCLUSION)
+        s->occlusion = hit->cap ? 1.0f : conemap__shell_openness(desc->map, &place.f, place.local);
+    conemap__lift_place(&place, hit->cap);
+    if (e->flags & lights) {
+        double light[3], reach = CONEMAP__NEVER, wide = (double)e->light_radius;
+        for (k = 0; k < 3; ++k) light[k] = (double)e->light[k] - (e->light_is_point ? place.from[k] : 0.0);
+        if (e->light_is_point) {
+            reach = sqrt(conemap__dot3(light, light));
+            wide = conemap__mind(wide / reach, 1.0);
+        }
+        if (!conemap__normalise3(light))
+            s->shadow = 1.0f;
+        else if (e->flags & CONEMAP_EFFECT_SHADOW)
+            s->shadow = conemap__is_dark(&place, light, reach) ? 0.0f : 1.0f;
+        else
+            s->shadow = conemap__free_rays(&place, light, wide, 0, CONEMAP__LIGHT_RAYS, reach);
+    }
+    if (e->flags & CONEMAP_EFFECT_SKY)
+        s->occlusion = conemap__free_rays(&place, normal, 1.0, 1, e->sky_directions,
+                                          e->sky_reach > 0.0f ? (double)e->sky_reach : CONEMAP__NEVER);
+}
+
+/* Checks effects of a skeleton and writes their defaults out. */
+static conemap_result conemap__resolve_skeleton_effects(const conemap_skeleton_trace_desc *desc, float pixel,
+                                                        conemap_effects *e) {
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const unsigned own = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_TWO_SIDED; /* needs other things than in conemap_shade */
+    const conemap_gradient none = {0.0f, 0.0f, 0.0f, 0.0f};
+    const unsigned flags = e->flags;
+    conemap_result result;
+    if ((flags & never) || desc->any_hit || ((flags & far_away) && !desc->map) ||
+        ((flags & CONEMAP_EFFECT_OCCLUSION) && (!desc->map || desc->march != CONEMAP_MARCH_CONES)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if ((flags & (far_away | CONEMAP_EFFECT_UV)) && !conemap__in_range(pixel, 0.0f, 1e18f)) return CONEMAP_ERROR_PARAMETER;
+    if ((flags & CONEMAP_EFFECT_LOD) && (!conemap__in_range(e->lod_bias, -16.0f, 16.0f) || e->lod_steps < 0 ||
+                                         e->lod_steps > (1 << 30)))
+        return CONEMAP_ERROR_PARAMETER;
+    e->frames = NULL;
+    e->frame_per_ray = 0;
+    e->gradients = &none;
+    e->flags &= ~own;
+    result = conemap__resolve_effects(desc->map, e);
+    e->gradients = NULL;
+    e->flags = flags;
+    return result;
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skeleton,
+                                                   const conemap_skeleton_trace_desc *desc,
+                                                   const conemap_effects *effects, float pixel, const conemap_ray *rays,
+                                                   conemap_skeleton_hit *hits, conemap_shading *shadings, int count) {
+    conemap_skeleton_trace_desc resolved;
+    conemap_effects e;
+    conemap__sight sight;
+    conemap_result result = conemap_skeleton_trace(skeleton, desc, rays, hits, !effects || !effects->flags ? count : 0);
+    int far_away, k;
+    if (!effects || !effects->flags || result != CONEMAP_OK) return result;
+    if ((!rays || !hits || !shadings) && count != 0) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&resolved, 0, sizeof resolved);
+    if (desc) resolved = *desc;
+    conemap__resolve_skeleton_trace(&resolved);
+    e = *effects;
+    result = conemap__resolve_skeleton_effects(&resolved, pixel, &e);
+    if (result != CONEMAP_OK) return result;
+    far_away = (e.flags & (CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) != 0;
+    sight.e = &e;
+    sight.pixel = pixel;
+    sight.given = NULL;
+    for (k = 0; k < count; ++k) {
+        conemap_result ray_result = conemap__check_ray(&rays[k]);
+        conemap__found found;
+        if (ray_result != CONEMAP_OK) {
+            conemap__no_ray(&hits[k]);
+            if (result == CONEMAP_OK) result = ray_result;
+            continue;
+        }
+        found = conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], far_away ? &sight : NULL, &hits[k]);
+        if (hits[k].status == CONEMAP_HIT)
+            conemap__shade_segment(skeleton, &resolved, &e, pixel, &rays[k], &found, &hits[k], &shadings[k]);
+    }
+    return result;
 }
 
 #if defined(__clang__)
