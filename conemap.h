@@ -13192,9 +13192,10 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    vec3 outer = conemap_span(f, vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, range.x, range.y);\n"
      "    vec3 p = conemap_along(o, v, outer.x);\n"
      "    float width = max(pixel.x + pixel.y * outer.x, 1e-30f);\n"
-     "?capped     float around = max(6.28318531f * sqrt(p.x * p.x + p.z * p.z), 1e-20f);\n"
-     "?capped     float texels = width * max(float(f.more.y) * $FW / around, abs(f.extent.z) * $FH / f.extent.x);\n"
-     "?capped     detail.level = max(log2(max(texels, 1e-30f)) + e.lod_bias, 0.0f);\n"
+     "?capped     float around = f.radii.x + f.radii.z + (f.radii.y + f.radii.w) * p.y;\n"
+     "?capped     float texels = max(float(f.more.y) * $FW / max(6.28318531f * around, 1e-20f), abs(f.extent.z) * $FH / "
+     "f.extent.x);\n"
+     "?capped     detail.level = max(log2(max(width * texels, 1e-30f)) + e.lod_bias, 0.0f);\n"
      "?capped     detail.cap = int(max(8.0f, ceil(float(e.lod_steps) * exp2(-detail.level))));\n"
      "?capped     if (e.lod_steps == 0 || detail.cap > $CAP) detail.cap = $CAP;\n"
      "?fade     float faded = (e.fade_begin - (f.radii.z + f.radii.w * p.y) / width) / (e.fade_begin - e.fade_end);\n"
@@ -15321,7 +15322,8 @@ static conemap__detail conemap__detail_of(const conemap__sight *sight, const con
     conemap__along(&ray, t0, p);
     width = conemap__maxd((double)sight->pixel * sqrt(conemap__dot3(world->v, world->v)) * t0, 1e-30);
     if (e->flags & CONEMAP_EFFECT_LOD) {
-        double around = conemap__maxd(6.283185307179586 * sqrt(p[0] * p[0] + p[2] * p[2]), 1e-20);
+        conemap__cone outer = conemap__cone_at(f, 1.0);
+        double around = conemap__maxd(6.283185307179586 * (outer.r + outer.k * p[1]), 1e-20);
         double u = (double)f->u_repeat * (double)desc->map->info.width / around;
         double v = conemap__absd((double)f->v_size) * (double)desc->map->info.height / (double)f->h;
         detail.level = log2f((float)conemap__mind(conemap__maxd(width * conemap__maxd(u, v), 1e-30), 1e30)) + e->lod_bias;
