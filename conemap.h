@@ -1285,6 +1285,17 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
        vec3 conemap_bounds(int frustum, int number)      vertex 0..35 of the bounds, in the frustum's frame: `place`
    or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
 
+   Effects. With flags (conemap_effect bits, see FRUSTA EFFECTS) a hit holds found, inside, frustum, user, cap, t,
+   position and uvw, and of the rest what these ask for: normal, depth, shadow, occlusion, map and gradient, level, fade.
+   If one of them has settings, conemap_frusta_effects is the first argument of the functions; its fields are written
+   in the text, nothing is 0 for a default, light and clip rows are as in conemap_emit's, and
+     - effects.first and count: the frusta that throw shadows, each of which every ray to the light looks at;
+     - effects.pixel: how wide a pixel is at distance 1 from the eye, for parallel rays anywhere;
+     - UV also writes conemap_color(hit), which samples the texture conemap_colors (behind the frusta) by the gradients.
+   FRAGMENT writes depth if DEPTH is asked for, as it does without flags. Its targets are (u, v, w of the frustum, t),
+   then of (position, frustum), normal, colour and (shadow, occlusion, level, fade) those that are asked for. Settings
+   are the uniform conemap_settings (Vulkan: in a block behind the textures; HLSL: a cbuffer behind the camera's).
+
    Single precision. Rays are followed in the frustum's own frame, from the bounds on where they were drawn, so that an
    error is a few 2^-24 of the frustum's size and its shell's, however far away the eye is. conemap_trace_frusta begins
    at the ray's origin: 2^-24 of its distance. Directions of sensible length (1e-3..1e3). Neighbours overlap by 1e-6 of
@@ -1328,6 +1339,9 @@ typedef struct conemap_frusta_shader_desc {
                                     goes to the target. Null: to the first target the shading normal and the height w in
                                     the shell, to the second u and v of the map, the frustum, and t */
     int depth_only;              /* FRAGMENT, nonzero: no target, for shadow maps */
+    conemap_depth_bound depth_bound; /* FRAGMENT, what is promised of the depth: GREATER where front faces of the bounds
+                                    are drawn, LESS where the back ones (reversed depth: the other way around) */
+    unsigned flags;              /* conemap_effect bits: see conemap_skeleton_shade. VERTEX: not looked at */
     int zero_to_one;             /* nonzero: OpenGL with clip space z in 0..1 (glClipControl) */
 
     int set, binding, sampler_binding; /* as in conemap_shader_desc: the map's textures, then the frusta. HLSL: constant
@@ -1340,8 +1354,8 @@ typedef struct conemap_frusta_shader_desc {
 } conemap_frusta_shader_desc;
 
 /* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or
-   ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors. Thread-safe, allocates
-   nothing. */
+   ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors; effects that frusta do
+   not have, lack the relief or the cones for, or with any_hit. Thread-safe, allocates nothing. */
 CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text, size_t capacity,
                                                size_t *size);
 
@@ -1571,6 +1585,41 @@ CONEMAP_API conemap_result conemap_lod_at(const conemap_map *map, const conemap_
    Errors: NULL, PARAMETER. Thread-safe. */
 CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
                                             int first_row, int rows, float *sky);
+
+/* ======================================================================================================
+   F R U S T A   E F F E C T S
+
+   The flags of EFFECTS for skeletons, on the CPU and as conemap_emit_frusta writes them:
+       POSITION       as it is in the hit
+       NORMAL         of the surface as it was traced
+       SMOOTH_NORMAL  that goes on across joints [BJCW09 eq. 8], mixed at branches by `blend`
+       DEPTH          of the position
+       UV             of the map, not wrapped, and how it moves along the two axes of a pixel's footprint, away from the
+                      viewer and across: gradients for textureGrad without a seam where u has gone around
+       LOD            a cap of steps by the texels under a pixel; the map's levels are not read
+       FADE           where the shell is but pixels thick it shrinks to the plain frustum at desc->height (0: the inner
+                      one); normals keep the relief's slopes
+       SHADOW         of all segments on each other, by one ray to the light
+       SOFT_SHADOW    16 rays that cover the light's disc: in steps of 1/16
+       SKY            sky_directions rays, cosine-weighted about the normal
+       OCCLUSION      from the cone over the relief, as in EFFECTS; branches nearby are not known to it. MARCH_CONES
+       TWO_SIDED      where a ray begins inside, the normal turns to the viewer
+   Without a meaning here, UNSUPPORTED: CLIP (a frustum ends at its cutting planes, and u goes around), CURVED (the
+   base is a cone, exactly), HOLES (frusta are solid, so nothing would be seen through one). LOD and FADE need relief.
+   ====================================================================================================== */
+
+/* Traces `count` rays of the world against a skeleton and shades their hits. With no flags it is
+   conemap_skeleton_trace and shadings may be null.
+   effects: frames, clip, alpha, levels and gradients are not read. pixel: how wide one is at distance 1 from the rays'
+   origins, at t = 0 of a direction of length 1; for UV, LOD and FADE.
+   Light is followed from just outside the surface, 2^-12 of the shell's thickness above the relief; it sees the relief
+   with the cap and as flat as the hit did.
+   Errors: those of conemap_skeleton_trace; PARAMETER, ENUM, NULL and UNSUPPORTED (any_hit; two effects of which one is
+   instead of the other; those above) as conemap_shade. Thread-safe, allocates nothing. */
+CONEMAP_API conemap_result conemap_skeleton_shade(const conemap_skeleton *skeleton,
+                                                  const conemap_skeleton_trace_desc *desc,
+                                                  const conemap_effects *effects, float pixel, const conemap_ray *rays,
+                                                  conemap_skeleton_hit *hits, conemap_shading *shadings, int count);
 
 #ifdef __cplusplus
 }
@@ -7819,7 +7868,9 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     X(gradient) X(flight) X(numbers) X(settings) X(stored) X(walls) X(cuts) X(bounds) X(sized) X(greater) X(less)   \
     X(ranged) X(after) X(beside)                                                                                    \
     X(relaxed) X(proven) X(roomy) X(together) X(bare)                                                               \
-    X(wgsl) X(msl) X(returns) X(given) X(wrapped)
+    X(wgsl) X(msl) X(returns) X(given) X(wrapped)                                                                   \
+    X(every) X(eased) X(plain) X(mapped) X(capped) X(detailed) X(pixels) X(casts) X(finishes) X(deep)               \
+    X(placed) X(told)
 #define CONEMAP__FLAG_ITEM(name) conemap__flag_##name,
 enum { CONEMAP__FLAGS(CONEMAP__FLAG_ITEM) conemap__flag_count };
 #undef CONEMAP__FLAG_ITEM
@@ -7872,6 +7923,14 @@ static const conemap__snippet conemap__snippets[] = {
                            "    v.y = y;\n"
                            "    return v;\n"
                            "}\n"},
+    {"conemap_dot",
+     "$FNfloat conemap_dot(vec3 a, vec3 b) {\n"
+     "    return a.x * b.x + a.y * b.y + a.z * b.z;\n"
+     "}\n"},
+    {"conemap_cross",
+     "$FNvec3 conemap_cross(vec3 a, vec3 b) {\n"
+     "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);\n"
+     "}\n"},
     {"conemap_clampi", "static int conemap_clampi(int i, int low, int high) {\n"
                        "    return i < low ? low : i > high ? high : i;\n"
                        "}\n"},
@@ -10658,15 +10717,7 @@ static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t 
    ====================================================================================================== */
 
 static const conemap__snippet conemap__effect_snippets[] = {
-    /* ---- vectors, which C lacks ---- */
-    {"conemap_dot",
-     "$FNfloat conemap_dot(vec3 a, vec3 b) {\n"
-     "    return a.x * b.x + a.y * b.y + a.z * b.z;\n"
-     "}\n"},
-    {"conemap_cross",
-     "$FNvec3 conemap_cross(vec3 a, vec3 b) {\n"
-     "    return vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);\n"
-     "}\n"},
+    /* ---- vectors ---- */
     {"conemap_normalize",
      "$FNvec3 conemap_normalize(vec3 a) {\n"
      "    return conemap_scaled(a, 1.0f / sqrt(dot(a, a)));\n"
@@ -11840,7 +11891,10 @@ static void conemap__write_effects(conemap__emitter *e) {
     if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_inputs, 0);
     if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_buffers, 0);
     if (e->desc.stage != CONEMAP_STAGE_FUNCTIONS) conemap__lines(e, conemap__shade_block, 0);
-    if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_fragment, 0);
+    if (e->flags[conemap__flag_fragment]) {
+        conemap__lines(e, conemap__shade_fragment, 0);
+        conemap__lines(e, conemap__shade_main, 0);
+    }
     if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_compute, 0);
 }
 
@@ -13213,19 +13267,42 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
 
 /* ---- tracing ---------------------------------------------------------------------------------------- */
 
+/* How much of a shell's relief is seen, and what says so: see FRUSTA EFFECTS. */
+typedef struct conemap__detail {
+    float level, fade;
+    int steps;
+} conemap__detail;
+typedef struct conemap__sight conemap__sight;
+static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
+                                          const conemap_frustum *f, const conemap__world_ray *world, double until);
+static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade);
+
 /* What a ray has met so far. */
 typedef struct conemap__found {
     double t;
     int segment, face, inside, steps;
+    const conemap__sight *sight; /* null: all of the relief */
+    conemap__detail detail;
 } conemap__found;
 
 /* Meets one segment's surface before found->t, if it does. */
 static void conemap__trace_segment(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
                                    const conemap__world_ray *world, int segment, conemap__found *found) {
     const conemap_frustum *f = &skeleton->frusta[segment];
+    conemap_skeleton_trace_desc seen;
+    conemap_frustum flat;
+    conemap__detail detail;
     conemap__shell shell;
     double t0 = world->t0, t1 = found->t, end, inner0, inner1, t;
     int face, inner_face, solid;
+    if (found->sight) {
+        detail = conemap__detail_of(found->sight, desc, f, world, t1);
+        flat = conemap__flatten(f, desc->height, detail.fade);
+        seen = *desc;
+        seen.steps = detail.steps;
+        desc = &seen;
+        f = &flat;
+    }
     shell.ray = conemap__local(f, world->o, world->v);
     if (!desc->map || (f->t <= 0.0f && f->tk <= 0.0f)) {
         conemap__cone plain = conemap__cone_at(f, desc->map ? 0.0 : (double)desc->height);
@@ -13256,6 +13333,7 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
     found->segment = segment;
     found->face = face;
     found->inside = t <= world->t0;
+    if (found->sight) found->detail = detail;
 }
 
 /* When the ray enters a box; NEVER if it does not before `until`. */
@@ -13491,14 +13569,16 @@ static conemap_result conemap__resolve_skeleton_trace(conemap_skeleton_trace_des
     return CONEMAP_OK;
 }
 
-static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
-                                        const conemap_ray *ray, conemap_skeleton_hit *hit) {
+static conemap__found conemap__trace_skeleton_ray(const conemap_skeleton *skeleton,
+                                                  const conemap_skeleton_trace_desc *desc, const conemap_ray *ray,
+                                                  const conemap__sight *sight, conemap_skeleton_hit *hit) {
     conemap__world_ray world = conemap__prepare_ray(ray);
     conemap__found found;
     double t;
     memset(&found, 0, sizeof found);
     found.t = world.t1;
     found.segment = -1;
+    found.sight = sight;
     conemap__walk_tree(skeleton, desc, &world, &found);
     memset(hit, 0, sizeof *hit);
     hit->segment = found.segment;
@@ -13507,11 +13587,18 @@ static void conemap__trace_skeleton_ray(const conemap_skeleton *skeleton, const 
     hit->t = t < 3.0e38 ? (float)t : conemap__from_bits(0x7f800000u);
     if (found.segment < 0) {
         hit->status = found.t < CONEMAP__NEVER ? CONEMAP_T_MAX : CONEMAP_LEFT;
-        return;
+        return found;
     }
     hit->status = CONEMAP_HIT;
     hit->inside = found.inside;
     if (!desc->any_hit) conemap__put_surface(skeleton, desc, &world, &found, hit);
+    return found;
+}
+
+static void conemap__no_ray(conemap_skeleton_hit *hit) {
+    memset(hit, 0, sizeof *hit);
+    hit->status = CONEMAP_INVALID;
+    hit->segment = -1;
 }
 
 CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skeleton,
@@ -13530,11 +13617,9 @@ CONEMAP__DEF conemap_result conemap_skeleton_trace(const conemap_skeleton *skele
     for (k = 0; k < count; ++k) {
         conemap_result ray_result = conemap__check_ray(&rays[k]);
         if (ray_result == CONEMAP_OK) {
-            conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], &hits[k]);
+            conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], NULL, &hits[k]);
         } else {
-            memset(&hits[k], 0, sizeof hits[k]);
-            hits[k].status = CONEMAP_INVALID;
-            hits[k].segment = -1;
+            conemap__no_ray(&hits[k]);
             if (result == CONEMAP_OK) result = ray_result;
         }
     }
@@ -13855,26 +13940,26 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?steps_march // Equal steps, then halvings [BJCW09 section 3]: t where the ray meets the relief in a "
      "range of t, at its end if\n"
      "?steps_march // `solid`; 1e30: it does not.\n"
-     "?cone_march // Cone steps, none shorter than one of $CAP equal ones, then halvings: t where the ray "
+     "?cone_march // Cone steps, none shorter than one of $STEPS equal ones, then halvings: t where the ray "
      "meets the relief in a range\n"
      "?cone_march // of t, at its end if `solid`; 1e30: it does not. The ray is g above the cone's apex, in "
      "the world's units, and\n"
      "?cone_march // meets nothing while g + g' t > thickness speed t / tangent.\n"
-     "$FNfloat conemap_march(conemap_frustum f, vec3 o, vec3 v, vec2 range, bool solid) {\n"
+     "$FNfloat conemap_march(conemap_frustum f, vec3 o, vec3 v, vec2 range, bool solid$CAP_PARAM) {\n"
      "    float before = range.x, t = range.x;\n"
      "    bool met = false;\n"
      "?linear_v     int pieces = conemap_pieces(f), next = 1;\n"
      "?linear_v     vec4 piece = conemap_piece(f, o, v, range, 0, pieces);\n"
-     "?cone_march     float least = (range.y - range.x) / float($CAP);\n"
+     "?cone_march     float least = (range.y - range.x) / float($STEPS);\n"
      "?cone_march     float thick_end = f.radii.z + f.radii.w * (o.y + range.y * v.y);\n"
      "?cone_march     conemap_shell shell = conemap_bound_speed(f, o, v);\n"
-     "    for (int k = 0; k <= $CAP; ++k) {\n"
-     "?steps_march         t = k < $CAP ? range.x + (range.y - range.x) * (float(k) / float($CAP)) : range.y;\n"
+     "    for (int k = 0; k <= $STEPS; ++k) {\n"
+     "?steps_march         t = k < $STEPS ? range.x + (range.y - range.x) * (float(k) / float($STEPS)) : range.y;\n"
      "?linear_v         if (t > piece.y && next < pieces) {\n"
      "?linear_v             piece = conemap_piece(f, o, v, range, next, pieces);\n"
      "?linear_v             ++next;\n"
      "?linear_v         }\n"
-     "?steps_march         met = (solid && k == $CAP) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
+     "?steps_march         met = (solid && k == $STEPS) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
      "?steps_march         if (met) break;\n"
      "?steps_march         before = t;\n"
      "?cone_march         conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
@@ -13888,7 +13973,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?cone_march         closing -= relief.y * slope;\n"
      "?cone_march         before = t;\n"
      "?cone_march         t += max(g <= 0.0f ? 0.0f : closing > 0.0f ? relief.y * g / closing : 1e30f, least);\n"
-     "?cone_march         if (t > range.y || k + 1 >= $CAP) t = range.y;\n"
+     "?cone_march         if (t > range.y || k + 1 >= $STEPS) t = range.y;\n"
      "    }\n"
      "    for (int n = 0; met && n < $REFINE_STEPS; ++n) {\n"
      "        float middle = 0.5f * (before + t);\n"
@@ -13903,7 +13988,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "see conemap_span.\n"
      "?!relief // t where a ray of the frame meets the frustum, 1e30 where it does not, and the face; see "
      "conemap_span.\n"
-     "$FNvec2 conemap_meet(conemap_frustum f, vec3 o, vec3 v, float t_min, float t_max) {\n"
+     "$FNvec2 conemap_meet(conemap_frustum f, vec3 o, vec3 v, float t_min, float t_max$CAP_PARAM) {\n"
      "?!relief     vec2 cone = vec2(f.radii.x + $HEIGHT * f.radii.z, f.radii.y + $HEIGHT * f.radii.w);\n"
      "?!relief     vec3 span = conemap_span(f, cone, o, v, t_min, t_max);\n"
      "?!relief     return span.x <= span.y ? vec2(span.x, span.z) : vec2(1e30f, 0.0f);\n"
@@ -13914,7 +13999,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?relief     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell\n"
      "?relief     float t = outer.x <= outer.y ? outer.x : 1e30f;\n"
      "?relief     if (shell && outer.x <= outer.y)\n"
-     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid);\n"
+     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid$CAP_ARG);\n"
      "?relief     return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
      "}\n"},
     {"conemap_cut_gradient",
@@ -13941,38 +14026,51 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "}\n"},
     {"conemap_normals",
      "$STRUCT conemap_normals { // in the world, units\n"
-     "    vec3 shading, plain; // continuous across joints; of the surface as it is\n"
-     "    float away; // how far the place is outside the surface, in the world's units\n"
+     "?eased     vec3 shading; // continuous across joints\n"
+     "?plain     vec3 plain; // of the surface as it is\n"
+     "?blends     float away; // how far the place is outside the surface, in the world's units\n"
      "?c } conemap_normals;\n"
      "?!c };\n"},
+    {"conemap_uv_gradients",
+     "$STRUCT conemap_uv_gradients { // of u, in radians, and of v, times the thickness\n"
+     "    vec3 u, v;\n"
+     "?c } conemap_uv_gradients;\n"
+     "?!c };\n"},
+    {"conemap_find_gradients",
+     "$FNconemap_uv_gradients conemap_find_gradients(conemap_frustum f, conemap_uvw at) {\n"
+     "    conemap_uv_gradients g;\n"
+     "    float by_d = at.thickness / at.d, span = at.high - at.low, rest = 1.0f - at.v;\n"
+     "    vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine);\n"
+     "    g.u = vec3(at.cosine * by_d, 0.0f, -at.sine * by_d);\n"
+     "    vec3 a = conemap_cut_gradient(f, f.lower, at, at.low, g.u, grad_w);\n"
+     "    vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);\n"
+     "    g.v = vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,\n"
+     "               -(rest * a.z + at.v * b.z) / span);\n"
+     "    return g;\n"
+     "}\n"},
     {"conemap_find_normals",
      "$FNconemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {\n"
-     "    vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
-     "    float m = min(max(at.v, 0.0f), 1.0f), l = 1.0f, height = $HEIGHT;\n"
-     "    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
-     "    l = 1.0f - m;\n"
-     "    vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
-     "    vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
-     "    float steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
-     "    smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
+     "?plain     vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
+     "?eased     vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
+     "?eased     float m = min(max(at.v, 0.0f), 1.0f), steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
+     "?eased     if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
+     "?eased     float l = 1.0f - m;\n"
+     "?eased     vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
+     "?eased     smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
+     "?blends     float height = $HEIGHT;\n"
      "?relief     if (at.thickness > 0.0f && at.d > 1e-6f * f.extent.x) { // the relief's slopes\n"
-     "?relief         float by_d = at.thickness / at.d, span = at.high - at.low;\n"
-     "?relief         vec3 angle = vec3(at.cosine * by_d, 0.0f, -at.sine * by_d), slopes = conemap_slopes(f, "
-     "at.u, at.v);\n"
-     "?relief         vec3 a = conemap_cut_gradient(f, f.lower, at, at.low, angle, grad_w);\n"
-     "?relief         vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, angle, grad_w);\n"
-     "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z / span, rest = 1.0f - at.v;\n"
-     "?relief         vec3 s = vec3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),\n"
-     "?relief                       by_v * (at.thickness - rest * a.y - at.v * b.y),\n"
-     "?relief                       by_u * angle.z - by_v * (rest * a.z + at.v * b.z));\n"
-     "?relief         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
-     "?relief         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
-     "?relief         height = slopes.x;\n"
+     "?relief         conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
+     "?relief         vec3 slopes = conemap_slopes(f, at.u, at.v);\n"
+     "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z;\n"
+     "?relief         vec3 s = vec3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * g.v.z);\n"
+     "?relief,plain         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
+     "?relief,eased         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
+     "?relief,blends         height = slopes.x;\n"
      "?relief     }\n"
      "    conemap_normals n;\n"
-     "    n.shading = conemap_unit(conemap_out_of(f, smoothed));\n"
-     "    n.plain = conemap_unit(conemap_out_of(f, grad_w));\n"
-     "    n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;\n"
+     "?eased     n.shading = conemap_unit(conemap_out_of(f, smoothed));\n"
+     "?plain     n.plain = conemap_unit(conemap_out_of(f, grad_w));\n"
+     "?blends     n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;\n"
      "    return n;\n"
      "}\n"},
     {"conemap_mix_normal",
@@ -14055,36 +14153,47 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    float t; // in lengths of the direction\n"
      "    vec3 position;\n"
      "    vec3 uvw; // of the frustum; v 0..1, w the height in the shell\n"
-     "    vec2 map; // u and v of the map, not wrapped\n"
-     "    vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is\n"
+     "?mapped     vec2 map; // u and v of the map, not wrapped\n"
+     "?every     vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is\n"
+     "?normal_out,smooth     vec3 normal; // unit, continuous across joints\n"
+     "?normal_out,!smooth     vec3 normal; // unit, of the surface as it is\n"
+     "?depth     float depth;\n"
+     "?lights     float shadow; // 0 dark to 1 lit\n"
+     "?open     float occlusion; // 0 closed to 1 open\n"
+     "?uv     vec4 gradient; // how u and v of the map move along the two axes of a pixel's footprint\n"
+     "?capped     float level; // log2 of the texels under a pixel\n"
+     "?fade     float fade; // 0 relief to 1 normals only\n"
      "?c } conemap_frustum_hit;\n"
      "?!c };\n"},
     {"conemap_surface",
      "// All about a place where a ray of the frame meets a frustum.\n"
      "$FNconemap_frustum_hit conemap_surface(conemap_frustum f, int frustum, vec3 p, int face) {\n"
-     "    conemap_frustum_hit hit;\n"
+     "    conemap_frustum_hit hit = conemap_no_frustum(0.0f);\n"
      "    conemap_uvw at = conemap_locate(f, p);\n"
-     "    conemap_normals n = conemap_find_normals(f, at);\n"
      "    int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;\n"
      "    hit.found = true;\n"
-     "    hit.inside = false;\n"
      "    hit.frustum = frustum;\n"
      "    hit.user = f.more.z;\n"
      "    hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam\n"
-     "    hit.t = 0.0f;\n"
      "    hit.position = conemap_place_out_of(f, p);\n"
      "    hit.uvw = vec3(at.u, min(max(at.v, 0.0f), 1.0f), at.w);\n"
-     "    hit.map = conemap_map_place(f, at.u, at.v);\n"
-     "    hit.normal = n.shading;\n"
-     "    hit.true_normal = n.plain;\n"
-     "    if (hit.cap != 0) {\n"
-     "        vec4 lower = f.lower, upper = f.upper;\n"
-     "        vec3 flat_end = face == 1 ? vec3(lower.x, -1.0f, lower.y) : vec3(-upper.x, 1.0f, -upper.y);\n"
-     "        hit.normal = conemap_unit(conemap_out_of(f, flat_end));\n"
-     "        hit.true_normal = hit.normal;\n"
-     "    }\n"
+     "?mapped     hit.map = conemap_map_place(f, at.u, at.v);\n"
+     "?normal     conemap_normals n = conemap_find_normals(f, at);\n"
+     "?eased     hit.normal = n.shading;\n"
+     "?normal_out,plain     hit.normal = n.plain;\n"
+     "?every     hit.true_normal = n.plain;\n"
+     "?normal     if (hit.cap != 0) {\n"
+     "?normal         hit.normal = conemap_unit(conemap_out_of(f, conemap_flat_end(f, face)));\n"
+     "?every         hit.true_normal = hit.normal;\n"
+     "?normal     }\n"
      "?blends     if (hit.cap == 0) hit.normal = conemap_blend(frustum, hit.position, hit.normal);\n"
      "    return hit;\n"
+     "}\n"},
+    {"conemap_flat_end",
+     "// Out of the lower (1) or upper (2) cutting plane.\n"
+     "$FNvec3 conemap_flat_end(conemap_frustum f, int face) {\n"
+     "    vec4 lower = f.lower, upper = f.upper;\n"
+     "    return face == 1 ? vec3(lower.x, -1.0f, lower.y) : vec3(-upper.x, 1.0f, -upper.y);\n"
      "}\n"},
     {"conemap_no_frustum",
      "$FNconemap_frustum_hit conemap_no_frustum(float t) {\n"
@@ -14097,21 +14206,191 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    hit.t = t;\n"
      "    hit.position = vec3(0.0f, 0.0f, 0.0f);\n"
      "    hit.uvw = hit.position;\n"
-     "    hit.map = vec2(0.0f, 0.0f);\n"
-     "    hit.normal = hit.position;\n"
-     "    hit.true_normal = hit.position;\n"
+     "?mapped     hit.map = vec2(0.0f, 0.0f);\n"
+     "?normal     hit.normal = hit.position;\n"
+     "?every     hit.true_normal = hit.position;\n"
+     "?depth     hit.depth = 0.0f;\n"
+     "?lights     hit.shadow = 1.0f;\n"
+     "?open     hit.occlusion = 1.0f;\n"
+     "?uv     hit.gradient = vec4(0.0f, 0.0f, 0.0f, 0.0f);\n"
+     "?capped     hit.level = 0.0f;\n"
+     "?fade     hit.fade = 0.0f;\n"
      "    return hit;\n"
      "}\n"},
+
+    /* ---- effects ---- */
+    {"conemap_frusta_effects",
+     "$STRUCT conemap_frusta_effects {\n"
+     "?depth     vec4 clip_z, clip_w; // rows of the matrix: clip z and w of (position, 1)\n"
+     "?lights     vec4 light; // towards the light, 0; or its position, 1\n"
+     "?casts     int first, count; // frusta that throw shadows\n"
+     "?soft     float light_radius; // radians, or the radius of the ball at a position\n"
+     "?sky     float sky_reach; // what is farther away hides nothing\n"
+     "?sky     int sky_directions;\n"
+     "?pixels     float pixel; // how wide a pixel is at distance 1 from the eye; of parallel rays, anywhere\n"
+     "?capped     float lod_bias; // added to the level\n"
+     "?capped     int lod_steps; // the step cap at level 0; 0: none\n"
+     "?fade     float fade_begin, fade_end; // pixels that the shell is thick\n"
+     "?c } conemap_frusta_effects;\n"
+     "?!c };\n"},
+    {"conemap_detail",
+     "$STRUCT conemap_detail { // what is seen of a shell's relief from far away\n"
+     "?capped     float level; // log2 of the texels under a pixel\n"
+     "?capped     int cap; // most steps\n"
+     "?fade     float fade; // 0 relief to 1 normals only\n"
+     "?c } conemap_detail;\n"
+     "?!c };\n"},
+    {"conemap_detail_of",
+     "// Where a ray enters the shell. pixel: how wide one is at t = 0, and its growth.\n"
+     "$FNconemap_detail conemap_detail_of(conemap_frusta_effects e, conemap_frustum f, vec3 o, vec3 v, vec2 range, vec2 "
+     "pixel) {\n"
+     "?capped,size_asked     ivec2 size = $SIZE_ASKED;\n"
+     "    conemap_detail detail;\n"
+     "    vec3 outer = conemap_span(f, vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, range.x, range.y);\n"
+     "    vec3 p = conemap_along(o, v, outer.x);\n"
+     "    float width = max(pixel.x + pixel.y * outer.x, 1e-30f);\n"
+     "?capped     float around = f.radii.x + f.radii.z + (f.radii.y + f.radii.w) * p.y;\n"
+     "?capped     float texels = max(float(f.more.y) * $FW / max(6.28318531f * around, 1e-20f), abs(f.extent.z) * $FH / "
+     "f.extent.x);\n"
+     "?capped     detail.level = max(log2(max(width * texels, 1e-30f)) + e.lod_bias, 0.0f);\n"
+     "?capped     detail.cap = int(max(8.0f, ceil(float(e.lod_steps) * exp2(-detail.level))));\n"
+     "?capped     if (e.lod_steps == 0 || detail.cap > $CAP) detail.cap = $CAP;\n"
+     "?fade     float faded = (e.fade_begin - (f.radii.z + f.radii.w * p.y) / width) / (e.fade_begin - e.fade_end);\n"
+     "?fade     faded = min(max(faded, 0.0f), 1.0f);\n"
+     "?fade     faded *= faded * (3.0f - 2.0f * faded);\n"
+     "?fade     detail.fade = faded >= 0.9999f ? 1.0f : faded;\n"
+     "    return detail;\n"
+     "}\n"},
+    {"conemap_flatten",
+     "// The frustum with its shell shrunk towards a height of $SURFACE in it.\n"
+     "$FNconemap_frustum conemap_flatten(conemap_frustum f, float fade) {\n"
+     "    float at = fade * $SURFACE, rest = 1.0f - fade;\n"
+     "    f.radii = vec4(f.radii.x + at * f.radii.z, f.radii.y + at * f.radii.w, rest * f.radii.z, rest * f.radii.w);\n"
+     "    return f;\n"
+     "}\n"},
+    {"conemap_side_of",
+     "// Some direction at right angles to a unit vector.\n"
+     "$FNvec3 conemap_side_of(vec3 n) {\n"
+     "    return conemap_unit(abs(n.y) < 0.9f ? vec3(n.z, 0.0f, -n.x) : vec3(0.0f, n.z, -n.y));\n"
+     "}\n"},
+    {"conemap_footprint",
+     "// How the map's place moves along the two axes of a pixel's footprint on the frustum.\n"
+     "$FNvec4 conemap_footprint(conemap_frustum f, vec3 p, vec3 direction, float width) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    if (!(at.d > 1e-6f * f.extent.x)) return vec4(0.0f, 0.0f, 0.0f, 0.0f);\n"
+     "    float scale = width, repeat = 0.159154943f * float(f.more.y);\n"
+     "    if (at.thickness > 0.0f) scale = width / at.thickness;\n"
+     "    else at.thickness = 1.0f;\n"
+     "    conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
+     "    vec3 n = conemap_unit(conemap_out_of(f, vec3(at.sine, -at.cone.y, at.cosine))), d = conemap_unit(direction);\n"
+     "    float facing = dot(n, d);\n"
+     "    vec3 away = conemap_along(d, n, -facing);\n"
+     "    away = facing * facing < 0.9999f ? conemap_unit(away) : conemap_side_of(n);\n"
+     "    vec3 b = conemap_into(f, cross(n, away)), a = conemap_into(f, away);\n"
+     "    float far_out = scale / max(abs(facing), 0.015625f);\n"
+     "    vec2 by_a = vec2(far_out * dot(g.u, a) * repeat, far_out * dot(g.v, a));\n"
+     "    vec2 by_b = vec2(scale * dot(g.u, b) * repeat, scale * dot(g.v, b));\n"
+     "    float twist = f.extent.w * float(f.more.y), rise = f.extent.z;\n"
+     "    return vec4(by_a.x + by_a.y * twist, by_a.y * rise, by_b.x + by_b.y * twist, by_b.y * rise);\n"
+     "}\n"},
+    {"conemap_lift",
+     "// The place of the world, just outside the surface, that light is looked at from.\n"
+     "$FNvec3 conemap_lift(conemap_frustum f, vec3 p, int cap) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    float bias = 1e-5f * at.d + 3e-7f * (abs(f.axis_x.w) + abs(f.axis_y.w) + abs(f.axis_z.w) + f.extent.x);\n"
+     "    float out_to = at.d;\n"
+     "?relief     if (at.thickness > 0.0f) {\n"
+     "?relief         float height = conemap_relief(f, at.u, at.v)$DOT_RELIEF + 1.0f / 4096.0f;\n"
+     "?relief         out_to = max(out_to, f.radii.x + f.radii.y * p.y + height * at.thickness);\n"
+     "?relief     }\n"
+     "    out_to += bias;\n"
+     "    if (cap == 0) p = vec3(at.sine * out_to, p.y, at.cosine * out_to);\n"
+     "    else p = conemap_along(p, conemap_unit(conemap_flat_end(f, cap)), bias + 4e-6f * (f.extent.x + f.radii.x + "
+     "f.radii.z));\n"
+     "    return conemap_place_out_of(f, p);\n"
+     "}\n"},
+    {"conemap_light_from",
+     "// The direction to the light, and how far it is.\n"
+     "$FNvec4 conemap_light_from(vec4 light, vec3 place) {\n"
+     "    vec3 d = vec3(light.x, light.y, light.z);\n"
+     "    if (light.w != 0.0f) d = conemap_along(d, place, -1.0f);\n"
+     "    float way = sqrt(dot(d, d));\n"
+     "    return vec4(d.x / way, d.y / way, d.z / way, light.w != 0.0f ? way : 1e29f);\n"
+     "}\n"},
+    {"conemap_spread",
+     "// Point k of n that cover the unit disc evenly.\n"
+     "$FNvec2 conemap_spread(int k, int n) {\n"
+     "    float r = sqrt((float(k) + 0.5f) / float(n)), angle = 2.39996323f * float(k);\n"
+     "    return vec2(r * cos(angle), r * sin(angle));\n"
+     "}\n"},
+    {"conemap_free_rays",
+     "// The share of n rays that meet nothing: their directions are axis * along and a point of the disc times `wide`.\n"
+     "$FNfloat conemap_free_rays(conemap_frusta_effects e, vec3 place, vec3 axis, float wide, bool dome, int n, float "
+     "reach$DETAIL_PARAM) {\n"
+     "    vec3 side = conemap_side_of(axis), other = cross(axis, side);\n"
+     "    int clear = 0;\n"
+     "    for (int k = 0; k < n; ++k) {\n"
+     "        vec2 at = conemap_spread(k, n);\n"
+     "        float up = dome ? sqrt(1.0f - at.x * at.x - at.y * at.y) : 1.0f;\n"
+     "        vec3 d = vec3(axis.x * up, axis.y * up, axis.z * up);\n"
+     "        d = conemap_unit(conemap_along(conemap_along(d, side, wide * at.x), other, wide * at.y));\n"
+     "        if (!conemap_any_frusta(e.first, e.count, place, d, 0.0f, reach$DETAIL_ARG)) ++clear;\n"
+     "    }\n"
+     "    return float(clear) / float(n);\n"
+     "}\n"},
+    {"conemap_openness",
+     "// From the cone: the horizon all around is guessed to stand 0.3 times as steep as the steepest.\n"
+     "$FNfloat conemap_openness(conemap_frustum f, vec3 p) {\n"
+     "    conemap_uvw at = conemap_locate(f, p);\n"
+     "    if (!(at.thickness > 0.0f) || !(at.d > 1e-6f * f.extent.x)) return 1.0f;\n"
+     "    vec3 slopes = conemap_slopes(f, at.u, at.v);\n"
+     "    float per_u = 0.159154943f * at.thickness / at.d, x = slopes.y * per_u;\n"
+     "    float y = slopes.z * at.thickness / (at.high - at.low), own = sqrt(x * x + y * y);\n"
+     "    float steepness = 1.0f / max(conemap_relief(f, at.u, at.v).y, 1e-6f) - 1.0f / $MAX_TAN;\n"
+     "    float hill = 0.3f * max(per_u * float(f.more.y) * steepness - own, 0.0f);\n"
+     "    return 1.0f / (1.0f + hill * hill);\n"
+     "}\n"},
+    {"conemap_finish",
+     "// What the effects tell of a hit.\n"
+     "$FNconemap_frustum_hit conemap_finish($FINISH_Econemap_frustum_hit hit$FINISH_PARAMS) {\n"
+     "?two_sided,normal_out     if (hit.inside) hit.normal = vec3(-hit.normal.x, -hit.normal.y, -hit.normal.z);\n"
+     "?depth     float w = dot(vec3(e.clip_w.x, e.clip_w.y, e.clip_w.z), hit.position) + e.clip_w.w;\n"
+     "?depth     hit.depth = dot(vec3(e.clip_z.x, e.clip_z.y, e.clip_z.z), hit.position) + e.clip_z.w;\n"
+     "?depth     hit.depth = w > 0.0f ? hit.depth / w : 0.0f;\n"
+     "?uv     hit.gradient = conemap_footprint(f, p, direction, width);\n"
+     "?capped     hit.level = detail.level;\n"
+     "?fade     hit.fade = detail.fade;\n"
+     "?fade,placed     f = conemap_flatten(f, detail.fade);\n"
+     "?occlusion     if (hit.cap == 0) hit.occlusion = conemap_openness(f, p);\n"
+     "?casts     vec3 place = conemap_lift(f, p, hit.cap);\n"
+     "?lights     vec4 light = conemap_light_from(e.light, place);\n"
+     "?hard     bool dark = conemap_any_frusta(e.first, e.count, place, vec3(light.x, light.y, light.z), 0.0f, "
+     "light.w$DETAIL_ARG);\n"
+     "?hard     hit.shadow = dark ? 0.0f : 1.0f;\n"
+     "?soft     float wide = e.light.w != 0.0f ? min(e.light_radius / light.w, 1.0f) : e.light_radius;\n"
+     "?soft     vec3 to_light = vec3(light.x, light.y, light.z);\n"
+     "?soft     hit.shadow = conemap_free_rays(e, place, to_light, wide, false, 16, light.w$DETAIL_ARG);\n"
+     "?sky     float reach = e.sky_reach > 0.0f ? e.sky_reach : 1e29f;\n"
+     "?sky     hit.occlusion = conemap_free_rays(e, place, hit.normal, 1.0f, true, e.sky_directions, reach$DETAIL_ARG);\n"
+     "    return hit;\n"
+     "}\n"},
+
+    /* ---- rays of the world ---- */
     {"conemap_trace_frusta",
      "// The first hit of a ray of the world with `count` frusta from `first`.\n"
-     "$FNconemap_frustum_hit conemap_trace_frusta(int first, int count, vec3 origin, vec3 direction, float t_min,\n"
+     "$FNconemap_frustum_hit conemap_trace_frusta($E_PARAMint first, int count, vec3 origin, vec3 direction, float t_min,\n"
      "                                           float t_max) {\n"
      "    conemap_frustum_hit hit = conemap_no_frustum(t_max);\n"
      "    float t = t_max;\n"
      "    int nearest = -1, face = 0;\n"
+     "?pixels     float growth = e.pixel * sqrt(dot(direction, direction));\n"
      "    for (int k = first; k < first + count; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
-     "        vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "?!detailed         vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction);\n"
+     "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
+     "?fade         f = conemap_flatten(f, detail.fade);\n"
+     "?detailed         vec2 met = conemap_meet(f, o, v, t_min, t$DETAIL_CAP);\n"
      "        if (met.x < t || (nearest < 0 && met.x <= t)) {\n"
      "            t = met.x;\n"
      "            nearest = k;\n"
@@ -14120,21 +14399,27 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    }\n"
      "    if (nearest >= 0) {\n"
      "        conemap_frustum f = conemap_load(nearest);\n"
-     "        vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
+     "?!detailed         vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
+     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction), p = conemap_along(o, v, t);\n"
+     "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
      "        hit = conemap_surface(f, nearest, p, face);\n"
      "        hit.t = t;\n"
      "        hit.inside = t <= t_min;\n"
+     "?uv         float width = growth * t;\n"
+     "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
      "    }\n"
      "    return hit;\n"
      "}\n"},
     {"conemap_any_frusta",
      "// Does a ray of the world meet any of `count` frusta from `first`? For shadows.\n"
-     "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float t_max) {\n"
+     "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float "
+     "t_max$DETAIL_PARAM) {\n"
      "    bool found = false;\n"
      "    for (int k = first; k < first + count && !found; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
+     "?fade         f = conemap_flatten(f, detail.fade);\n"
      "        found = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, "
-     "t_max).x <= t_max;\n"
+     "t_max$DETAIL_CAP).x <= t_max;\n"
      "    }\n"
      "    return found;\n"
      "}\n"},
@@ -14144,25 +14429,41 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "// conemap_eye, (position, 1) or for parallel rays (direction, 0). Rays begin at the bounds, not at the "
      "eye: single\n"
      "// precision then holds however far the eye is.\n"
-     "$FNconemap_frustum_hit conemap_see_frustum(int frustum, vec3 place, vec4 eye) {\n"
+     "$FNconemap_frustum_hit conemap_see_frustum($E_PARAMint frustum, vec3 place, vec4 eye) {\n"
      "    conemap_frustum f = conemap_load(frustum);\n"
      "    conemap_frustum_hit hit = conemap_no_frustum(0.0f);\n"
      "    vec3 v = conemap_into(f, vec3(eye.x, eye.y, eye.z));\n"
      "    float back = 1e30f; // how far the ray begins before the place\n"
+     "?pixels     vec2 pixel = vec2(e.pixel, 0.0f);\n"
      "    if (eye.w != 0.0f) {\n"
      "        vec3 from = conemap_place_into(f, vec3(eye.x, eye.y, eye.z));\n"
      "        v = vec3(place.x - from.x, place.y - from.y, place.z - from.z);\n"
      "        back = sqrt(v.x * v.x + v.y * v.y + v.z * v.z);\n"
+     "?pixels         vec3 seen = conemap_along(conemap_place_out_of(f, place), vec3(eye.x, eye.y, eye.z), -1.0f);\n"
+     "?pixels         pixel = vec2(e.pixel * sqrt(dot(seen, seen)), e.pixel * sqrt(dot(seen, seen)) / back);\n"
      "    }\n"
      "    v = conemap_unit(v);\n"
-     "    vec2 met = conemap_meet(f, place, v, -back, 1e30f);\n"
+     "?detailed     conemap_detail detail = conemap_detail_of(e, f, place, v, vec2(-back, 1e30f), pixel);\n"
+     "?!fade     vec2 met = conemap_meet(f, place, v, -back, 1e30f$DETAIL_CAP);\n"
+     "?fade     vec2 met = conemap_meet(conemap_flatten(f, detail.fade), place, v, -back, 1e30f$DETAIL_CAP);\n"
      "    if (met.x < 1e30f) {\n"
-     "        hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));\n"
+     "?!finishes         hit = conemap_surface(f, frustum, conemap_along(place, v, met.x), int(met.y));\n"
+     "?finishes         vec3 p = conemap_along(place, v, met.x);\n"
+     "?finishes         hit = conemap_surface(f, frustum, p, int(met.y));\n"
      "        vec3 way = vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);\n"
      "        hit.t = eye.w != 0.0f ? sqrt(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;\n"
      "        hit.inside = met.x <= -back;\n"
+     "?uv         vec3 direction = eye.w != 0.0f ? way : vec3(eye.x, eye.y, eye.z);\n"
+     "?uv         float width = pixel.x + pixel.y * met.x;\n"
+     "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
      "    }\n"
      "    return hit;\n"
+     "}\n"},
+    {"conemap_color",
+     "// A colour map by the footprint's gradients: u jumps where it has gone around.\n"
+     "vec4 conemap_color(conemap_frustum_hit hit) {\n"
+     "?glsl     return textureGrad(conemap_colors, hit.map, hit.gradient.xy, hit.gradient.zw);\n"
+     "?hlsl     return conemap_colors.SampleGrad(conemap_color_sampler, hit.map, hit.gradient.xy, hit.gradient.zw);\n"
      "}\n"},
     {"conemap_bounds",
      "// Vertex 0..35 of the twelve triangles around a frustum's shell, in its frame; see conemap_frustum_triangles.\n"
@@ -14207,6 +14508,9 @@ static const char conemap__frusta_head[] =
     "?uses_map,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?sampler SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?colors,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
+    "?colors,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
+    "?colors,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
     "?camera,vulkan layout(push_constant) uniform conemap_camera {\n"
     "?camera,hlsl cbuffer conemap_camera$CAMERA_LAYOUT {\n"
     "?camera $UNIFORMmat4 conemap_view_projection;\n"
@@ -14247,38 +14551,110 @@ static const char conemap__frusta_vertex[] =
     "}\n";
 
 static const char conemap__frusta_fragment[] =
+    "?settings,vulkan $BLOCK_LAYOUTuniform conemap_settings_block {\n"
+    "?settings,hlsl cbuffer conemap_settings_block$BLOCK_LAYOUT {\n"
+    "?settings $UNIFORMconemap_frusta_effects conemap_settings;\n"
+    "?settings,blocks };\n"
     "?glsl $IN_0in vec3 conemap_place; // in the frustum's frame\n"
     "?glsl $IN_1flat in int conemap_segment;\n"
-    "?glsl,shaded layout(location = 0) out vec4 conemap_color;\n"
+    "?glsl,shaded layout(location = 0) out vec4 conemap_target0;\n"
     "?glsl,coded layout(location = 0) out vec4 conemap_normal; // for shading; w: height in the shell\n"
     "?glsl,coded layout(location = 1) out vec4 conemap_coordinates; // u, v of the map; frustum; t\n"
+    "?glsl,told layout(location = 0) out vec4 conemap_target0; // u, v, w of the frustum, t\n"
+    "?glsl,told,world layout(location = 1) out vec4 conemap_target1; // position; frustum\n"
+    "?glsl,told,normal_out layout(location = $TARGET_2) out vec4 conemap_target$TARGET_2; // normal\n"
+    "?glsl,told,colors layout(location = $TARGET_3) out vec4 conemap_target$TARGET_3; // colour\n"
+    "?glsl,told,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, fade\n"
+    "?glsl,greater layout(depth_greater) out float gl_FragDepth;\n"
+    "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
     "?hlsl struct conemap_targets {\n"
     "?hlsl,shaded     float4 color : SV_Target0;\n"
     "?hlsl,coded     float4 normal : SV_Target0;      // for shading; w: height in the shell\n"
     "?hlsl,coded     float4 coordinates : SV_Target1; // u, v of the map; frustum; t\n"
-    "?hlsl     float depth : SV_Depth;\n"
+    "?hlsl,told     float4 target0 : SV_Target0; // u, v, w of the frustum, t\n"
+    "?hlsl,told,world     float4 target1 : SV_Target1; // position; frustum\n"
+    "?hlsl,told,normal_out     float4 target$TARGET_2 : SV_Target$TARGET_2; // normal\n"
+    "?hlsl,told,colors     float4 target$TARGET_3 : SV_Target$TARGET_3; // colour\n"
+    "?hlsl,told,numbers     float4 target$TARGET_4 : SV_Target$TARGET_4; // shadow, occlusion, level, fade\n"
+    "?hlsl,deep     float depth : $SV_DEPTH;\n"
     "?hlsl };\n"
     "?shaded vec4 $SHADE_NAME(conemap_frustum_hit hit);\n"
     "\n"
     "?glsl void main() {\n"
     "?hlsl conemap_targets main(float3 place : TEXCOORD0, nointerpolation int segment : TEXCOORD1) {\n"
-    "?glsl     conemap_frustum_hit hit = conemap_see_frustum(conemap_segment, conemap_place, conemap_eye);\n"
-    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum(segment, place, conemap_eye);\n"
+    "?glsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSconemap_segment, conemap_place, conemap_eye);\n"
+    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSsegment, place, conemap_eye);\n"
     "    if (!hit.found) discard;\n"
-    "?glsl     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
-    "?hlsl     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
-    "?glsl,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
-    "?glsl,!halved     gl_FragDepth = clip.z / clip.w;\n"
-    "?glsl,shaded     conemap_color = $SHADE_NAME(hit);\n"
+    "?glsl,deep     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
+    "?hlsl,deep     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
+    "?glsl,deep,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
+    "?glsl,deep,!halved     gl_FragDepth = clip.z / clip.w;\n"
     "?glsl,coded     conemap_normal = vec4(hit.normal, hit.uvw.z);\n"
     "?glsl,coded     conemap_coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
     "?hlsl     conemap_targets targets;\n"
     "?hlsl,shaded     targets.color = $SHADE_NAME(hit);\n"
+    "?glsl,shaded     conemap_target0 = $SHADE_NAME(hit);\n"
     "?hlsl,coded     targets.normal = vec4(hit.normal, hit.uvw.z);\n"
     "?hlsl,coded     targets.coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
-    "?hlsl     targets.depth = clip.z / clip.w;\n"
+    "?told     $INTO_0 = vec4(hit.uvw, hit.t);\n"
+    "?told,world     $INTO_1 = vec4(hit.position, float(hit.frustum));\n"
+    "?told,normal_out     $INTO_2 = vec4(hit.normal, 0.0f);\n"
+    "?told,colors     $INTO_3 = conemap_color(hit);\n"
+    "?told,numbers     $INTO_4 = vec4($NUMBERS);\n"
+    "?hlsl,deep     targets.depth = clip.z / clip.w;\n"
     "?hlsl     return targets;\n"
     "}\n";
+
+/* Sets the flags of effects: what an emission without any has, and says what does not go with them. */
+static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const conemap_frusta_shader_desc *d) {
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const unsigned flags = d->stage == CONEMAP_FRUSTA_VERTEX ? 0 : d->flags;
+    const int fragment = d->stage == CONEMAP_FRUSTA_FRAGMENT;
+    unsigned char *f = e->flags;
+    if (conemap__effects_clash(flags) || (flags & never) || (flags && d->any_hit) || ((flags & far_away) && !d->relief) ||
+        ((flags & CONEMAP_EFFECT_OCCLUSION) && !f[conemap__flag_cone_march]))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    f[conemap__flag_every] = flags == 0;
+    f[conemap__flag_capped] = (flags & CONEMAP_EFFECT_LOD) != 0;
+    f[conemap__flag_fade] = (flags & CONEMAP_EFFECT_FADE) != 0;
+    f[conemap__flag_two_sided] = (flags & CONEMAP_EFFECT_TWO_SIDED) != 0;
+    f[conemap__flag_world] = (flags & CONEMAP_EFFECT_POSITION) != 0;
+    f[conemap__flag_smooth] = (flags & CONEMAP_EFFECT_SMOOTH_NORMAL) != 0;
+    f[conemap__flag_hard] = (flags & CONEMAP_EFFECT_SHADOW) != 0;
+    f[conemap__flag_soft] = (flags & CONEMAP_EFFECT_SOFT_SHADOW) != 0;
+    f[conemap__flag_lights] = f[conemap__flag_hard] || f[conemap__flag_soft];
+    f[conemap__flag_occlusion] = (flags & CONEMAP_EFFECT_OCCLUSION) != 0;
+    f[conemap__flag_sky] = (flags & CONEMAP_EFFECT_SKY) != 0;
+    f[conemap__flag_open] = f[conemap__flag_occlusion] || f[conemap__flag_sky];
+    f[conemap__flag_uv] = (flags & CONEMAP_EFFECT_UV) != 0;
+    f[conemap__flag_colors] = f[conemap__flag_uv] && !f[conemap__flag_c] && !d->depth_only;
+    f[conemap__flag_depth] = (flags & CONEMAP_EFFECT_DEPTH) && !fragment; /* there the camera is known */
+    f[conemap__flag_deep] = fragment && (flags == 0 || (flags & CONEMAP_EFFECT_DEPTH));
+    f[conemap__flag_normal_out] = (flags & CONEMAP_EFFECT_NORMAL) || f[conemap__flag_smooth] || f[conemap__flag_sky];
+    f[conemap__flag_normal] = f[conemap__flag_every] || f[conemap__flag_normal_out];
+    f[conemap__flag_eased] = f[conemap__flag_every] || f[conemap__flag_smooth];
+    f[conemap__flag_plain] = f[conemap__flag_every] || (f[conemap__flag_normal_out] && !f[conemap__flag_smooth]);
+    f[conemap__flag_blends] = d->blend > 0.0f && f[conemap__flag_eased];
+    f[conemap__flag_mapped] = f[conemap__flag_every] || f[conemap__flag_uv];
+    f[conemap__flag_detailed] = f[conemap__flag_capped] || f[conemap__flag_fade];
+    f[conemap__flag_pixels] = f[conemap__flag_uv] || f[conemap__flag_detailed];
+    f[conemap__flag_casts] = f[conemap__flag_lights] || f[conemap__flag_sky];
+    f[conemap__flag_placed] = f[conemap__flag_casts] || f[conemap__flag_occlusion];
+    f[conemap__flag_settings] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_casts];
+    f[conemap__flag_finishes] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_placed] ||
+                                (f[conemap__flag_two_sided] && f[conemap__flag_normal_out]);
+    f[conemap__flag_numbers] = f[conemap__flag_lights] || f[conemap__flag_open] || f[conemap__flag_detailed];
+    f[conemap__flag_coded] = fragment && !d->shade && !d->depth_only && flags == 0;
+    f[conemap__flag_told] = fragment && !d->shade && !d->depth_only && flags != 0;
+    f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
+    f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
+    if ((d->depth_only && !f[conemap__flag_deep]) ||
+        (d->depth_bound != CONEMAP_DEPTH_ANY &&
+         (!f[conemap__flag_deep] || f[conemap__flag_es] || d->dialect == CONEMAP_GLSL_330)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    return CONEMAP_OK;
+}
 
 /* Checks a desc and sets the emitter up: what it shares with a tracer's shader goes into that one's desc. */
 static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frusta_shader_desc *d) {
@@ -14297,6 +14673,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     int relaxed, k;
     if (!CONEMAP__KNOWN(d->stage, CONEMAP_FRUSTA_STAGE_COUNT) || !CONEMAP__KNOWN(d->march, CONEMAP_MARCH_COUNT) ||
         !CONEMAP__KNOWN(d->source, CONEMAP_FRUSTA_SOURCE_COUNT) ||
+        !CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT) ||
         !CONEMAP__KNOWN(d->dialect, CONEMAP_DIALECT_COUNT))
         return CONEMAP_ERROR_ENUM;
     if (d->uniform_count == 0) d->uniform_count = 113;
@@ -14362,12 +14739,10 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     f[conemap__flag_cone_march] = d->relief && trace.march == CONEMAP_MARCH_CONES;
     f[conemap__flag_steps_march] = d->relief && trace.march == CONEMAP_MARCH_STEPS;
     f[conemap__flag_linear_v] = d->relief && d->linear_v;
-    f[conemap__flag_blends] = d->blend > 0.0f;
     f[conemap__flag_vertex] = d->stage == CONEMAP_FRUSTA_VERTEX;
     f[conemap__flag_fragment] = d->stage == CONEMAP_FRUSTA_FRAGMENT;
     f[conemap__flag_camera] = d->stage != CONEMAP_FRUSTA_FUNCTIONS;
     f[conemap__flag_shaded] = f[conemap__flag_fragment] && d->shade;
-    f[conemap__flag_coded] = f[conemap__flag_fragment] && !d->shade && !d->depth_only;
     f[conemap__flag_halved] = !f[conemap__flag_vulkan] && !d->zero_to_one;
     f[conemap__flag_blocks] = f[conemap__flag_hlsl] || f[conemap__flag_vulkan];
     f[conemap__flag_any] = d->any_hit != 0;
@@ -14383,7 +14758,60 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     if (!d->relief || f[conemap__flag_vertex])
         f[conemap__flag_uses_map] = f[conemap__flag_uses_heights] = f[conemap__flag_sampler] = 0;
     f[conemap__flag_uses_maxima] = 0;
-    return CONEMAP_OK;
+    return conemap__resolve_frusta_effects(e, d);
+}
+
+/* The pieces of effects; `next` is the next texture's binding, `constants` the next constant buffer's. */
+static void conemap__frusta_effect_pieces(conemap__emitter *e, int next, int constants) {
+    static const char *const targets[5][2] = {{"TARGET_0", "INTO_0"}, {"TARGET_1", "INTO_1"}, {"TARGET_2", "INTO_2"},
+                                              {"TARGET_3", "INTO_3"}, {"TARGET_4", "INTO_4"}};
+    const unsigned char *f = e->flags;
+    const size_t size = CONEMAP__PIECE_SIZE;
+    const int hlsl = f[conemap__flag_hlsl], detailed = f[conemap__flag_detailed], capped = f[conemap__flag_capped];
+    const int settings = f[conemap__flag_settings], light = f[conemap__flag_depth] || f[conemap__flag_casts];
+    int k, target = 0;
+    char *out;
+    conemap__piece_set(e, "E_PARAM", 0, settings ? "conemap_frusta_effects e, " : "");
+    conemap__piece_set(e, "SETTINGS", 0, settings ? "conemap_settings, " : "");
+    conemap__piece_set(e, "FINISH_E", 0, light ? "conemap_frusta_effects e, " : "");
+    conemap__piece_set(e, "FINISH_E_ARG", 0, light ? "e, " : "");
+    for (k = 0; k < 2; ++k) {
+        out = conemap__piece_new(e, k ? "FINISH_ARGS" : "FINISH_PARAMS", 0);
+        if (f[conemap__flag_uv] || f[conemap__flag_placed])
+            conemap__append(out, size, k ? ", f, p" : ", conemap_frustum f, vec3 p");
+        if (f[conemap__flag_uv]) conemap__append(out, size, k ? ", direction, width" : ", vec3 direction, float width");
+        conemap__append(out, size, k ? "$DETAIL_ARG" : "$DETAIL_PARAM");
+    }
+    conemap__piece_set(e, "DETAIL_PARAM", 0, detailed ? ", conemap_detail detail" : "");
+    conemap__piece_set(e, "DETAIL_ARG", 0, detailed ? ", detail" : "");
+    conemap__piece_set(e, "DETAIL_CAP", 0, capped ? ", detail.cap" : "");
+    conemap__piece_set(e, "CAP_PARAM", 0, capped ? ", int cap" : "");
+    conemap__piece_set(e, "CAP_ARG", 0, capped ? ", cap" : "");
+    conemap__piece_set(e, "STEPS", 0, capped ? "cap" : "$CAP");
+    for (k = 0; k < 5; ++k) { /* targets that were asked for follow each other */
+        conemap__append_int(conemap__piece_new(e, targets[k][0], 1), size, target);
+        out = conemap__piece_new(e, targets[k][1], 0);
+        conemap__append(out, size, hlsl ? "targets.target" : "conemap_target");
+        conemap__append_int(out, size, target);
+        target += k == 0   ? 1
+                  : k == 1 ? f[conemap__flag_world]
+                  : k == 2 ? f[conemap__flag_normal_out]
+                           : f[conemap__flag_colors];
+    }
+    out = conemap__piece_new(e, "NUMBERS", 0);
+    conemap__append(out, size, f[conemap__flag_lights] ? "hit.shadow, " : "1.0f, ");
+    conemap__append(out, size, f[conemap__flag_open] ? "hit.occlusion, " : "1.0f, ");
+    conemap__append(out, size, capped ? "hit.level, " : "0.0f, ");
+    conemap__append(out, size, f[conemap__flag_fade] ? "hit.fade" : "0.0f");
+    conemap__piece_set(e, "SV_DEPTH", 1,
+                       f[conemap__flag_greater] ? "SV_DepthGreaterEqual"
+                       : f[conemap__flag_less]  ? "SV_DepthLessEqual"
+                                                : "SV_Depth");
+    conemap__place_resource(e, "COLORS_LAYOUT", 't', next);
+    conemap__piece_set(e, "COLOR_SAMPLER", 1, f[conemap__flag_es] ? "highp sampler2D" : "sampler2D");
+    conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's', e->desc.sampler_binding + f[conemap__flag_sampler]);
+    if (f[conemap__flag_blocks]) /* beside the camera */
+        conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? constants : next + f[conemap__flag_colors]);
 }
 
 /* Says what the pieces stand for that a tracer's shader does not have. */
@@ -14429,6 +14857,7 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
     conemap__piece_set(e, "DOT_HEIGHT", 0, f[conemap__flag_cones] ? ".x" : "");
     conemap__piece_set(e, "PIECE", 0, f[conemap__flag_linear_v] ? ", piece" : "");
     conemap__append_float(conemap__piece_new(e, "HEIGHT", 0), size, d->relief ? 0.0f : d->height);
+    conemap__append_float(conemap__piece_new(e, "SURFACE", 0), size, d->height);
     conemap__append_float(conemap__piece_new(e, "BLEND", 0), size, d->blend);
     out = conemap__piece_new(e, "TIMES_ASPECT", 0);
     if (e->desc.map.aspect < 1.0f || e->desc.map.aspect > 1.0f) {
@@ -14447,6 +14876,7 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
     conemap__place_resource(e, "FRUSTA_LAYOUT", f[conemap__flag_from_block] && !(hlsl && !uniforms) ? 'b' : 't',
                             e->desc.binding + (hlsl && uniforms ? 0 : after));
     conemap__place_resource(e, "CAMERA_LAYOUT", 'b', e->desc.binding + uniforms);
+    conemap__frusta_effect_pieces(e, e->desc.binding + after + 1, e->desc.binding + uniforms + 1);
 }
 
 /* One pass of the emitter; with text null it only counts. */
@@ -14471,6 +14901,7 @@ static conemap_result conemap__emit_frusta_once(const conemap_frusta_shader_desc
     conemap__lines(&e, conemap__frusta_host, 0);
     for (k = 0; k < 4 && d.stage == CONEMAP_FRUSTA_FUNCTIONS; ++k)
         if (k == 3 || (k == 1) == (d.any_hit != 0)) conemap__snippet_named(&e, functions[k], strlen(functions[k]));
+    if (e.flags[conemap__flag_colors]) conemap__snippet_named(&e, "conemap_color", 13);
     for (k = 0; k < 2 && d.stage != CONEMAP_FRUSTA_FUNCTIONS; ++k)
         conemap__lines(&e, d.stage == CONEMAP_FRUSTA_VERTEX ? conemap__frusta_vertex : conemap__frusta_fragment,
                        1 - k);
@@ -15923,6 +16354,329 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
             sky[(size_t)y * (size_t)map->info.width + (size_t)x] = conemap__sky(&place, normal, directions, 0.0f);
         }
     return CONEMAP_OK;
+}
+
+/* ======================================================================================================
+   F R U S T A   E F F E C T S
+
+   The same flags for skeletons. Light is followed by rays through all segments, from just outside the surface.
+   ====================================================================================================== */
+
+enum { CONEMAP__LIGHT_RAYS = 16 };
+
+struct conemap__sight {
+    const conemap_effects *e;
+    float pixel;                  /* how wide one is at distance 1 */
+    const conemap__detail *given; /* for light: as the hit saw it; null: by the distance */
+};
+
+/* Where a ray enters the shell. */
+static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
+                                          const conemap_frustum *f, const conemap__world_ray *world, double until) {
+    const conemap_effects *e = sight->e;
+    conemap__local_ray ray;
+    conemap__detail detail;
+    double t0 = world->t0, t1 = until, p[3], width;
+    int face;
+    detail.level = detail.fade = 0.0f;
+    detail.steps = desc->steps;
+    if (sight->given) return *sight->given;
+    ray = conemap__local(f, world->o, world->v);
+    if (!conemap__solid_span(f, conemap__cone_at(f, 1.0), &ray, &t0, &t1, &face)) return detail;
+    conemap__along(&ray, t0, p);
+    width = conemap__maxd((double)sight->pixel * sqrt(conemap__dot3(world->v, world->v)) * t0, 1e-30);
+    if (e->flags & CONEMAP_EFFECT_LOD) {
+        conemap__cone outer = conemap__cone_at(f, 1.0);
+        double around = conemap__maxd(6.283185307179586 * (outer.r + outer.k * p[1]), 1e-20);
+        double u = (double)f->u_repeat * (double)desc->map->info.width / around;
+        double v = conemap__absd((double)f->v_size) * (double)desc->map->info.height / (double)f->h;
+        detail.level = log2f((float)conemap__mind(conemap__maxd(width * conemap__maxd(u, v), 1e-30), 1e30)) + e->lod_bias;
+        detail.level = conemap__max(detail.level, 0.0f);
+        if (e->lod_steps)
+            detail.steps = conemap__mini(
+                desc->steps, conemap__maxi(8, (int)ceilf((float)e->lod_steps * powf(2.0f, -detail.level))));
+    }
+    if (e->flags & CONEMAP_EFFECT_FADE) {
+        double thick = (double)f->t + (double)f->tk * p[1];
+        detail.fade = conemap__fade_of((float)conemap__mind(thick / width, 1e30), e->fade_begin, e->fade_end);
+        if (detail.fade >= 0.9999f) detail.fade = 1.0f;
+    }
+    return detail;
+}
+
+/* The frustum with its shell shrunk towards a height in it: every place keeps its u and v. */
+static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade) {
+    conemap_frustum flat = *f;
+    flat.r += fade * height * f->t;
+    flat.k += fade * height * f->tk;
+    flat.t *= 1.0f - fade;
+    flat.tk *= 1.0f - fade;
+    return flat;
+}
+
+/* A hit that is shaded: its frustum as it was traced, and the place in it. */
+typedef struct conemap__lit_place {
+    const conemap_skeleton *skeleton;
+    conemap_skeleton_trace_desc desc; /* any_hit */
+    conemap__sight sight;
+    conemap__detail detail;
+    conemap_frustum f;
+    double local[3], from[3]; /* of the hit; in the world, just outside the surface */
+} conemap__lit_place;
+
+/* A bias keeps light from its own surface: heights by 2^-12, what is flat by what floats can tell apart. */
+static void conemap__lift_place(conemap__lit_place *place, int cap) {
+    const conemap_frustum *f = &place->f;
+    conemap__place_uvw at = conemap__uvw(f, place->local);
+    double bias, out = at.d, p[3], axes[3][3];
+    int k;
+    bias = conemap__absd((double)f->axis_x[3]) + conemap__absd((double)f->axis_y[3]) + conemap__absd((double)f->axis_z[3]);
+    bias = 1e-5 * at.d + 3e-7 * (bias + (double)f->h);
+    if (place->desc.map && at.thickness > 0.0) {
+        double height = (double)conemap__relief(place->desc.map, f, at.u, at.v).height + 1.0 / 4096.0;
+        out = conemap__maxd(out, (double)f->r + (double)f->k * place->local[1] + height * at.thickness);
+    }
+    p[0] = at.sine * (out + bias);
+    p[1] = place->local[1];
+    p[2] = at.cosine * (out + bias);
+    if (cap) {
+        const float *plane = cap == 1 ? f->lower : f->upper;
+        double n[3], sign = cap == 1 ? -1.0 : 1.0;
+        n[0] = -sign * (double)plane[0];
+        n[1] = sign;
+        n[2] = -sign * (double)plane[1];
+        conemap__normalise3(n);
+        bias += 4e-6 * ((double)f->h + (double)f->r + (double)f->t);
+        for (k = 0; k < 3; ++k) p[k] = place->local[k] + bias * n[k];
+    }
+    conemap__axes(f, axes);
+    for (k = 0; k < 3; ++k)
+        place->from[k] = conemap__origin(f, k) + p[0] * axes[0][k] + p[1] * axes[1][k] + p[2] * axes[2][k];
+}
+
+/* Does a ray from the place meet anything? */
+static int conemap__is_dark(const conemap__lit_place *place, const double *direction, double reach) {
+    conemap__world_ray ray;
+    conemap__found found;
+    memset(&found, 0, sizeof found);
+    memcpy(ray.o, place->from, sizeof ray.o);
+    memcpy(ray.v, direction, sizeof ray.v);
+    ray.t0 = 0.0;
+    ray.t1 = reach;
+    ray.scale = 1.0;
+    found.t = reach;
+    found.segment = -1;
+    found.sight = place->sight.e ? &place->sight : NULL;
+    conemap__walk_tree(place->skeleton, &place->desc, &ray, &found);
+    return found.segment >= 0;
+}
+
+/* Some direction at right angles to a unit vector. */
+static void conemap__side_of(const double *n, double *side) {
+    const int upright = conemap__absd(n[1]) >= 0.9;
+    side[0] = upright ? 0.0 : n[2];
+    side[1] = upright ? n[2] : 0.0;
+    side[2] = upright ? -n[1] : -n[0];
+    conemap__normalise3(side);
+}
+
+/* The share of n rays that meet nothing. They cover evenly a disc `wide` across the end of the axis, or with `dome` a
+   half sphere over it, seen from above. */
+static float conemap__free_rays(const conemap__lit_place *place, const double *axis, double wide, int dome, int n,
+                                double reach) {
+    double side[3], other[3], d[3];
+    int clear = 0, k, c;
+    conemap__side_of(axis, side);
+    conemap__cross3(axis, side, other);
+    for (k = 0; k < n; ++k) {
+        double r2 = ((double)k + 0.5) / (double)n, r = sqrt(r2), sine, cosine;
+        conemap__turn(0.3819660112501051 * (double)k, &sine, &cosine); /* the golden angle */
+        for (c = 0; c < 3; ++c)
+            d[c] = axis[c] * (dome ? sqrt(1.0 - r2) : 1.0) + wide * r * (side[c] * cosine + other[c] * sine);
+        conemap__normalise3(d);
+        clear += !conemap__is_dark(place, d, reach);
+    }
+    return (float)clear / (float)n;
+}
+
+/* How u and v of the map move along the two axes of a pixel's footprint on the frustum: away from the viewer and across.
+   */
+static void conemap__footprint_of(const conemap_frustum *f, const double *p, const double *direction, double width,
+                                  conemap_gradient *gradient) {
+    conemap__place_uvw at = conemap__uvw(f, p);
+    double grad_u[3], grad_v[3], grad_w[3], n[3], d[3], away[3], across[3], facing, u[2], v[2];
+    int k;
+    memset(gradient, 0, sizeof *gradient);
+    if (!(at.d > 1e-6 * (double)f->h)) return;
+    conemap__uvw_gradients(f, &at, grad_u, grad_v, grad_w);
+    conemap__gradient_to_world(f, grad_w, n);
+    conemap__normalise3(n);
+    memcpy(d, direction, sizeof d);
+    conemap__normalise3(d);
+    facing = conemap__dot3(n, d);
+    for (k = 0; k < 3; ++k) away[k] = d[k] - facing * n[k];
+    if (!(facing * facing < 0.9999)) conemap__side_of(n, away);
+    conemap__normalise3(away);
+    conemap__cross3(n, away, across);
+    for (k = 0; k < 2; ++k) {
+        const double *axis = k ? across : away;
+        double scale = k ? width : width / conemap__maxd(conemap__absd(facing), 0.015625), local[3];
+        local[0] = (double)f->axis_x[0] * axis[0] + (double)f->axis_x[1] * axis[1] + (double)f->axis_x[2] * axis[2];
+        local[1] = (double)f->axis_y[0] * axis[0] + (double)f->axis_y[1] * axis[1] + (double)f->axis_y[2] * axis[2];
+        local[2] = (double)f->axis_z[0] * axis[0] + (double)f->axis_z[1] * axis[1] + (double)f->axis_z[2] * axis[2];
+        v[k] = scale * conemap__dot3(grad_v, local);
+        u[k] = (scale * conemap__dot3(grad_u, local) + v[k] * (double)f->twist) * (double)f->u_repeat;
+        v[k] *= (double)f->v_size;
+    }
+    gradient->dudx = (float)u[0];
+    gradient->dvdx = (float)v[0];
+    gradient->dudy = (float)u[1];
+    gradient->dvdy = (float)v[1];
+}
+
+/* From the cone at a place of the shell: as conemap_shade's, the map lying on the cone around the axis. */
+static float conemap__shell_openness(const conemap_map *map, const conemap_frustum *f, const double *p) {
+    conemap__place_uvw at = conemap__uvw(f, p);
+    double x, y, by_u, by_v, per_u;
+    conemap__quad quad;
+    conemap__corners h;
+    if (!(at.thickness > 0.0) || !(at.d > 1e-6 * (double)f->h)) return 1.0f;
+    quad = conemap__relief_quad(map, f, at.u, at.v, &x, &y);
+    h = conemap__gather(map->heights, quad);
+    by_u = ((double)h.h10 - (double)h.h00) * (1.0 - y) + ((double)h.h11 - (double)h.h01) * y;
+    by_v = ((double)h.h01 - (double)h.h00) * (1.0 - x) + ((double)h.h11 - (double)h.h10) * x;
+    by_u *= (double)map->info.width * (double)f->u_repeat;
+    by_v = by_v * (double)map->info.height * (double)f->v_size + by_u * (double)f->twist;
+    per_u = 0.15915494309189535 * at.thickness / at.d;
+    x = by_u * per_u;
+    y = by_v * at.thickness / (at.upper - at.lower);
+    return conemap__cone_openness(conemap__relief(map, f, at.u, at.v).tangent, map->info.max_tan,
+                                  (float)(per_u * (double)f->u_repeat), (float)sqrt(x * x + y * y));
+}
+
+/* Everything that is asked for about a hit. */
+static void conemap__shade_segment(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
+                                   const conemap_effects *e, float pixel, const conemap_ray *ray,
+                                   const conemap__found *found, const conemap_skeleton_hit *hit, conemap_shading *s) {
+    const unsigned lights = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const float *seen = e->flags & CONEMAP_EFFECT_SMOOTH_NORMAL ? hit->normal : hit->true_normal;
+    const double sign = hit->inside && (e->flags & CONEMAP_EFFECT_TWO_SIDED) ? -1.0 : 1.0;
+    conemap__world_ray world = conemap__prepare_ray(ray);
+    conemap__lit_place place;
+    double point[3], normal[3];
+    int k;
+    memset(&place, 0, sizeof place);
+    for (k = 0; k < 3; ++k) {
+        point[k] = world.o[k] + found->t * world.v[k];
+        normal[k] = sign * (double)seen[k];
+    }
+    place.f = skeleton->frusta[hit->segment];
+    conemap__to_local(&place.f, point, place.local);
+    if (e->flags & CONEMAP_EFFECT_POSITION) memcpy(s->position, hit->position, sizeof s->position);
+    if (e->flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL))
+        for (k = 0; k < 3; ++k) s->normal[k] = (float)normal[k];
+    if ((e->flags & CONEMAP_EFFECT_DEPTH) &&
+        conemap_depth(e->view_projection, hit->position, e->depth_range, &s->depth) != CONEMAP_OK)
+        s->depth = 0.0f;
+    if (e->flags & CONEMAP_EFFECT_UV) {
+        double width = (double)pixel * sqrt(conemap__dot3(world.v, world.v)) * found->t;
+        s->uv[0] = hit->map_u;
+        s->uv[1] = hit->map_v;
+        conemap__footprint_of(&place.f, place.local, world.v, width, &s->gradient);
+    }
+    if (e->flags & CONEMAP_EFFECT_LOD) s->level = found->detail.level;
+    if (e->flags & CONEMAP_EFFECT_FADE) s->fade = found->detail.fade;
+    if (!(e->flags & (lights | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY))) return;
+    place.skeleton = skeleton;
+    place.desc = *desc;
+    place.desc.any_hit = 1;
+    place.detail = found->detail;
+    place.sight.e = found->sight ? e : NULL;
+    place.sight.given = &place.detail;
+    place.f = conemap__flatten(&place.f, desc->height, place.detail.fade);
+    if (e->flags & CONEMAP_EFFECT_OCCLUSION)
+        s->occlusion = hit->cap ? 1.0f : conemap__shell_openness(desc->map, &place.f, place.local);
+    conemap__lift_place(&place, hit->cap);
+    if (e->flags & lights) {
+        double light[3], reach = CONEMAP__NEVER, wide = (double)e->light_radius;
+        for (k = 0; k < 3; ++k) light[k] = (double)e->light[k] - (e->light_is_point ? place.from[k] : 0.0);
+        if (e->light_is_point) {
+            reach = sqrt(conemap__dot3(light, light));
+            wide = conemap__mind(wide / reach, 1.0);
+        }
+        if (!conemap__normalise3(light))
+            s->shadow = 1.0f;
+        else if (e->flags & CONEMAP_EFFECT_SHADOW)
+            s->shadow = conemap__is_dark(&place, light, reach) ? 0.0f : 1.0f;
+        else
+            s->shadow = conemap__free_rays(&place, light, wide, 0, CONEMAP__LIGHT_RAYS, reach);
+    }
+    if (e->flags & CONEMAP_EFFECT_SKY)
+        s->occlusion = conemap__free_rays(&place, normal, 1.0, 1, e->sky_directions,
+                                          e->sky_reach > 0.0f ? (double)e->sky_reach : CONEMAP__NEVER);
+}
+
+/* Checks effects of a skeleton and writes their defaults out. */
+static conemap_result conemap__resolve_skeleton_effects(const conemap_skeleton_trace_desc *desc, float pixel,
+                                                        conemap_effects *e) {
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const unsigned own = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_TWO_SIDED; /* needs other things than in conemap_shade */
+    const conemap_gradient none = {0.0f, 0.0f, 0.0f, 0.0f};
+    const unsigned flags = e->flags;
+    conemap_result result;
+    if ((flags & never) || desc->any_hit || ((flags & far_away) && !desc->map) ||
+        ((flags & CONEMAP_EFFECT_OCCLUSION) && (!desc->map || desc->march != CONEMAP_MARCH_CONES)))
+        return CONEMAP_ERROR_UNSUPPORTED;
+    if ((flags & (far_away | CONEMAP_EFFECT_UV)) && !conemap__in_range(pixel, 0.0f, 1e18f)) return CONEMAP_ERROR_PARAMETER;
+    if ((flags & CONEMAP_EFFECT_LOD) && (!conemap__in_range(e->lod_bias, -16.0f, 16.0f) || e->lod_steps < 0 ||
+                                         e->lod_steps > (1 << 30)))
+        return CONEMAP_ERROR_PARAMETER;
+    e->frames = NULL;
+    e->frame_per_ray = 0;
+    e->gradients = &none;
+    e->flags &= ~own;
+    result = conemap__resolve_effects(desc->map, e);
+    e->gradients = NULL;
+    e->flags = flags;
+    return result;
+}
+
+CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skeleton,
+                                                   const conemap_skeleton_trace_desc *desc,
+                                                   const conemap_effects *effects, float pixel, const conemap_ray *rays,
+                                                   conemap_skeleton_hit *hits, conemap_shading *shadings, int count) {
+    conemap_skeleton_trace_desc resolved;
+    conemap_effects e;
+    conemap__sight sight;
+    conemap_result result = conemap_skeleton_trace(skeleton, desc, rays, hits, !effects || !effects->flags ? count : 0);
+    int far_away, k;
+    if (!effects || !effects->flags || result != CONEMAP_OK) return result;
+    if ((!rays || !hits || !shadings) && count != 0) return CONEMAP_ERROR_NULL;
+    if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    memset(&resolved, 0, sizeof resolved);
+    if (desc) resolved = *desc;
+    conemap__resolve_skeleton_trace(&resolved);
+    e = *effects;
+    result = conemap__resolve_skeleton_effects(&resolved, pixel, &e);
+    if (result != CONEMAP_OK) return result;
+    far_away = (e.flags & (CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) != 0;
+    sight.e = &e;
+    sight.pixel = pixel;
+    sight.given = NULL;
+    for (k = 0; k < count; ++k) {
+        conemap_result ray_result = conemap__check_ray(&rays[k]);
+        conemap__found found;
+        if (ray_result != CONEMAP_OK) {
+            conemap__no_ray(&hits[k]);
+            if (result == CONEMAP_OK) result = ray_result;
+            continue;
+        }
+        found = conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], far_away ? &sight : NULL, &hits[k]);
+        if (hits[k].status == CONEMAP_HIT)
+            conemap__shade_segment(skeleton, &resolved, &e, pixel, &rays[k], &found, &hits[k], &shadings[k]);
+    }
+    return result;
 }
 
 #if defined(__clang__)

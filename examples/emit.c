@@ -217,7 +217,8 @@ int main(int argument_count, char **arguments) {
         fprintf(stderr, "emit: --effects %s: no such effect (--help lists them)\n", effect_list);
         return 1;
     }
-    desc.flags = (unsigned)effect_bits(effect_list);
+    desc.flags = frusta.flags = (unsigned)effect_bits(effect_list);
+    frusta.depth_bound = desc.depth_bound;
     result = kind ? conemap_emit_frusta(&frusta, NULL, 0, &size) : emit(&desc, kernel, NULL, 0, &size);
     text = result == CONEMAP_OK ? (char *)malloc(size) : NULL;
     if (result == CONEMAP_OK)

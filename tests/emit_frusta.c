@@ -17,11 +17,14 @@ enum { WIDTH = 64, HEIGHT = 48 };
 static struct {
     const conemap_skeleton *skeleton;
     const conemap_map *map;
+    conemap_effects effects;
+    float pixel;
 } bound;
 
 struct seen {
     int found, inside, frustum, user, cap;
     float t, position[3], uvw[3], map[2], normal[3], true_normal[3];
+    float depth, shadow, occlusion, gradient[4], level, fade;
 };
 
 #define ROWS(p)                                                                                                   \
@@ -33,6 +36,7 @@ struct seen {
             memcpy(&v, (const char *)&bound.skeleton->frusta[frustum] + 16 * row, 16);                            \
         return v;                                                                                                 \
     }
+#define COMMA ,
 #define INSIDE(i, j) CHECK((i) >= 0 && (j) >= 0 && (i) < WIDTH && (j) < HEIGHT, "fetch %d %d", i, j)
 #define FETCH_CONES(p)                                                                                            \
     p##_vec2 p##_fetch(int i, int j)                                                                              \
@@ -45,31 +49,32 @@ struct seen {
     }
 #define FETCH_HEIGHTS(p)                                                                                          \
     float p##_fetch(int i, int j) { return INSIDE(i, j) ? bound.map->heights[j * WIDTH + i] : 0.0f; }
-#define RUN(p)                                                                                                    \
+#define ANSWER(p, more)                                                                                           \
     static struct seen p##_answer(p##_frustum_hit hit)                                                            \
     {                                                                                                             \
         struct seen s;                                                                                            \
+        memset(&s, 0, sizeof s);                                                                                  \
         s.found = hit.found, s.inside = hit.inside, s.frustum = hit.frustum, s.user = hit.user, s.cap = hit.cap;  \
         s.t = hit.t;                                                                                              \
         memcpy(s.position, &hit.position, 12);                                                                    \
         memcpy(s.uvw, &hit.uvw, 12);                                                                              \
-        memcpy(s.map, &hit.map, 8);                                                                               \
         memcpy(s.normal, &hit.normal, 12);                                                                        \
-        memcpy(s.true_normal, &hit.true_normal, 12);                                                              \
-        return s;                                                                                                 \
-    }                                                                                                             \
+        more return s;                                                                                            \
+    }
+/* effects: what is handed over as effects, and a comma */
+#define RUN(p, effects)                                                                                           \
     static struct seen p##_trace(const conemap_ray *ray)                                                          \
     {                                                                                                             \
         const p##_vec3 o = {ray->origin[0], ray->origin[1], ray->origin[2]};                                      \
         const p##_vec3 d = {ray->direction[0], ray->direction[1], ray->direction[2]};                             \
-        return p##_answer(p##_trace_frusta(0, bound.skeleton->count, o, d, ray->t_min,                            \
+        return p##_answer(p##_trace_frusta(effects 0, bound.skeleton->count, o, d, ray->t_min,                    \
                                            ray->t_max > 0.0f ? ray->t_max : 1e29f));                              \
     }                                                                                                             \
     static struct seen p##_see(int frustum, const float *place, const float *eye)                                 \
     {                                                                                                             \
         const p##_vec3 at = {place[0], place[1], place[2]};                                                       \
         const p##_vec4 e = {eye[0], eye[1], eye[2], eye[3]};                                                      \
-        return p##_answer(p##_see_frustum(frustum, at, e));                                                       \
+        return p##_answer(p##_see_frustum(effects frustum, at, e));                                               \
     }                                                                                                             \
     static void p##_corner_of(int frustum, int number, float *place)                                              \
     {                                                                                                             \
@@ -78,40 +83,78 @@ struct seen {
     }
 
 #include "golden/frusta_plain_c.h"
-#include "golden/frusta_cones_c.h"
-#include "golden/frusta_steps_c.h"
+#include "golden/frusta_effects_c.h"
 #include "golden/frusta_linear_c.h"
-#include "golden/frusta_any_c.h"
 
-ROWS(fplain)
-ROWS(fcones)
-ROWS(fsteps)
-ROWS(flinear)
-ROWS(fany)
-FETCH_CONES(fcones)
-FETCH_HEIGHTS(fsteps)
-FETCH_HEIGHTS(flinear)
-FETCH_CONES(fany)
-RUN(fplain)
-RUN(fcones)
-RUN(fsteps)
-RUN(flinear)
+/* Between them the last two have every effect. */
+enum {
+    EFFECTS_HERE = CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_TWO_SIDED | CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_SMOOTH_NORMAL |
+                   CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_UV,
+    LINEAR_HERE = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY,
+    REFUSED = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED
+};
 
-static struct seen fany_trace(const conemap_ray *ray)
+static feffects_vec4 row_of(int k)
 {
-    const fany_vec3 o = {ray->origin[0], ray->origin[1], ray->origin[2]};
-    const fany_vec3 d = {ray->direction[0], ray->direction[1], ray->direction[2]};
-    struct seen s;
-    memset(&s, 0, sizeof s);
-    s.found =
-        fany_any_frusta(0, bound.skeleton->count, o, d, ray->t_min, ray->t_max > 0.0f ? ray->t_max : 1e29f);
-    return s;
+    const float *m = bound.effects.view_projection;
+    return feffects_make_vec4(m[k], m[4 + k], m[8 + k], m[12 + k]);
 }
 
-static void fany_corner_of(int frustum, int number, float *place)
+static feffects_frusta_effects given(void)
 {
-    const fany_vec3 at = fany_bounds(frustum, number);
-    memcpy(place, &at, 12);
+    const conemap_effects *e = &bound.effects;
+    feffects_frusta_effects f;
+    f.clip_z = row_of(2);
+    f.clip_w = row_of(3);
+    f.light = feffects_make_vec4(e->light[0], e->light[1], e->light[2], e->light_is_point ? 1.0f : 0.0f);
+    f.first = 0;
+    f.count = bound.skeleton->count;
+    f.pixel = bound.pixel;
+    f.fade_begin = e->fade_begin;
+    f.fade_end = e->fade_end;
+    return f;
+}
+
+static flinear_frusta_effects given_linear(void)
+{
+    const conemap_effects *e = &bound.effects;
+    const flinear_vec4 light = {e->light[0], e->light[1], e->light[2], e->light_is_point ? 1.0f : 0.0f};
+    flinear_frusta_effects f;
+    f.light = light;
+    f.first = 0;
+    f.count = bound.skeleton->count;
+    f.light_radius = e->light_radius;
+    f.sky_reach = e->sky_reach;
+    f.sky_directions = e->sky_directions;
+    f.pixel = bound.pixel;
+    f.lod_bias = e->lod_bias;
+    f.lod_steps = e->lod_steps;
+    return f;
+}
+
+ROWS(fplain)
+ROWS(feffects)
+ROWS(flinear)
+FETCH_CONES(feffects)
+FETCH_HEIGHTS(flinear)
+ANSWER(fplain, memcpy(s.map, &hit.map, 8); memcpy(s.true_normal, &hit.true_normal, 12);)
+ANSWER(feffects, memcpy(s.map, &hit.map, 8); s.depth = hit.depth; s.shadow = hit.shadow; s.occlusion = hit.occlusion;
+       memcpy(s.gradient, &hit.gradient, 16); s.fade = hit.fade;)
+ANSWER(flinear, s.shadow = hit.shadow; s.occlusion = hit.occlusion; s.level = hit.level;)
+RUN(fplain, )
+RUN(feffects, given() COMMA)
+RUN(flinear, given_linear() COMMA)
+
+/* What the shadows of the effects ask, asked by itself. */
+static struct seen fany_trace(const conemap_ray *ray)
+{
+    const feffects_vec3 o = {ray->origin[0], ray->origin[1], ray->origin[2]};
+    const feffects_vec3 d = {ray->direction[0], ray->direction[1], ray->direction[2]};
+    const feffects_detail all = {0.0f};
+    struct seen s;
+    memset(&s, 0, sizeof s);
+    s.found = feffects_any_frusta(0, bound.skeleton->count, o, d, ray->t_min, ray->t_max > 0.0f ? ray->t_max : 1e29f, all);
+    return s;
 }
 
 struct golden {
@@ -123,16 +166,15 @@ struct golden {
 
 static const struct golden goldens[] = {
     {"frusta_plain_c.h", "fplain", "fplain_rows", NULL, fplain_trace, fplain_see, fplain_corner_of},
-    {"frusta_cones_c.h", "fcones", "fcones_rows", "fcones_fetch", fcones_trace, fcones_see, fcones_corner_of},
-    {"frusta_steps_c.h", "fsteps", "fsteps_rows", "fsteps_fetch", fsteps_trace, fsteps_see, fsteps_corner_of},
-    {"frusta_linear_c.h", "flinear", "flinear_rows", "flinear_fetch", flinear_trace, flinear_see,
-     flinear_corner_of},
-    {"frusta_any_c.h", "fany", "fany_rows", "fany_fetch", fany_trace, NULL, fany_corner_of},
+    {"frusta_effects_c.h", "feffects", "feffects_rows", "feffects_fetch", feffects_trace, feffects_see,
+     feffects_corner_of},
+    {"frusta_linear_c.h", "flinear", "flinear_rows", "flinear_fetch", flinear_trace, flinear_see, flinear_corner_of},
     {"frusta.vert", NULL, NULL, NULL, NULL, NULL, NULL},
     {"frusta.frag", NULL, NULL, NULL, NULL, NULL, NULL},
     {"frusta.hlsl", NULL, NULL, NULL, NULL, NULL, NULL},
+    {"any hit", "feffects", NULL, NULL, fany_trace, NULL, feffects_corner_of}, /* of the second, no file of its own */
 };
-enum { GOLDENS = sizeof goldens / sizeof goldens[0], PLAIN = 0, CONES, STEPS, LINEAR, ANY, VERTEX, FRAGMENT, HLSL };
+enum { PLAIN, EFFECTS, LINEAR, VERTEX, FRAGMENT, HLSL, ANY, GOLDENS = ANY };
 
 static void golden_desc(int k, conemap_frusta_shader_desc *d)
 {
@@ -149,9 +191,11 @@ static void golden_desc(int k, conemap_frusta_shader_desc *d)
         d->map.height = HEIGHT;
     }
     if (k == PLAIN) d->height = 0.4f;
-    if (k == CONES) d->blend = 0.7f;
-    if (k == CONES) d->map.aspect = 0.75f;
-    if (k == STEPS || k == LINEAR) d->march = CONEMAP_MARCH_STEPS;
+    if (k == EFFECTS || k == ANY) d->flags = EFFECTS_HERE;
+    if (k == EFFECTS || k == ANY) d->blend = 0.7f;
+    if (k == EFFECTS || k == ANY) d->map.aspect = 0.75f;
+    if (k == LINEAR) d->flags = LINEAR_HERE;
+    if (k == LINEAR) d->march = CONEMAP_MARCH_STEPS;
     if (k == LINEAR) d->map.wrap_v = CONEMAP_CLAMP;
     if (k == LINEAR) d->linear_v = 1;
     if (k == LINEAR) d->steps = 100;
@@ -342,7 +386,7 @@ static void local_point(const conemap_frustum *f, const float *o, float t, const
 }
 
 /* Below 0 in the solid that a frustum's relief bounds, told from the public functions. */
-static double outside(const conemap_frustum *f, const conemap_skeleton_trace_desc *trace, const float *world)
+static double outside(const conemap_frustum *f, const conemap_skeleton_trace_desc *trace, float fade, const float *world)
 {
     float p[3], uvw[3];
     double height = (double)trace->height, above, thickness, plane, x, y, z;
@@ -357,7 +401,7 @@ static double outside(const conemap_frustum *f, const conemap_skeleton_trace_des
         if (conemap_sample_at(trace->map, (uvw[0] + v * f->twist) * (float)f->u_repeat, map_v, &sample) !=
             CONEMAP_OK)
             return HUGE_VAL;
-        height = (double)sample.height;
+        height += (1.0 - (double)fade) * ((double)sample.height - height);
     }
     above = thickness > 0.0 ? ((double)uvw[2] - height) * thickness : (double)uvw[2];
     x = (double)p[0], y = (double)p[1], z = (double)p[2];
@@ -365,6 +409,16 @@ static double outside(const conemap_frustum *f, const conemap_skeleton_trace_des
     if (plane > above) above = plane;
     plane = y - (double)f->upper[0] * x - (double)f->upper[1] * z - (double)f->upper[2];
     return plane > above ? plane : above;
+}
+
+/* The CPU's ray, with the relief that is seen from there. */
+static void follow(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *trace, const conemap_ray *ray,
+                   conemap_skeleton_hit *hit)
+{
+    conemap_effects far_away = bound.effects;
+    conemap_shading shading;
+    far_away.flags &= CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    CHECK(conemap_skeleton_shade(skeleton, trace, &far_away, bound.pixel, ray, hit, &shading, 1) == CONEMAP_OK, "shade");
 }
 
 static void nudge(const float *from, double by, int code, float *to)
@@ -388,7 +442,7 @@ static int on_edge(const conemap_skeleton *skeleton, const conemap_skeleton_trac
             conemap_skeleton_hit hit;
             double t;
             nudge(ray->origin, by, code, beside.origin);
-            conemap_skeleton_trace(skeleton, trace, &beside, &hit, 1);
+            follow(skeleton, trace, &beside, &hit);
             t = hit.status != CONEMAP_HIT ? HUGE_VAL : trace->any_hit ? 0.0 : t_of(ray, hit.position);
             if (t < first) first = t;
             if (t > last) last = t;
@@ -398,7 +452,7 @@ static int on_edge(const conemap_skeleton *skeleton, const conemap_skeleton_trac
         for (code = 0; code < 27; ++code) {
             float place[3];
             nudge(gpu->position, by, code, place);
-            away = outside(&skeleton->frusta[gpu->frustum], trace, place);
+            away = outside(&skeleton->frusta[gpu->frustum], trace, gpu->fade, place);
             in |= away <= by;
             out |= away >= -by;
         }
@@ -435,15 +489,46 @@ static int ray_count(int quick)
 
 struct counts {
     int rays, hits, different, unexplained, places, turned; /* normals that point elsewhere */
+    int shadows, occlusions, gradients, numbers, dark, faded; /* others than the CPU's; how many there are of some */
 };
+
+/* Effects of a hit of the same place, against the CPU's. */
+static void compare_effects(unsigned flags, const conemap_shading *cpu, const struct seen *gpu, struct counts *counts)
+{
+    const float own[4] = {cpu->gradient.dudx, cpu->gradient.dvdx, cpu->gradient.dudy, cpu->gradient.dvdy};
+    double longest = 1e-9, apart = 0.0;
+    int k;
+    if (flags & (CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW)) {
+        counts->shadows += fabsf(cpu->shadow - gpu->shadow) > 0.01f;
+        counts->dark += cpu->shadow < 0.5f;
+    }
+    if (flags & (CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY))
+        counts->occlusions += fabsf(cpu->occlusion - gpu->occlusion) > 0.01f;
+    for (k = 0; k < 4; ++k) {
+        longest = fmax(longest, fabs((double)own[k]));
+        apart = fmax(apart, fabs((double)own[k] - (double)gpu->gradient[k]));
+    }
+    counts->gradients += (flags & CONEMAP_EFFECT_UV) && apart > 0.01 * longest;
+    counts->numbers += (flags & CONEMAP_EFFECT_FADE) && fabsf(cpu->fade - gpu->fade) > 0.001f;
+    counts->numbers += (flags & CONEMAP_EFFECT_LOD) && fabsf(cpu->level - gpu->level) > 0.001f;
+    counts->numbers += (flags & CONEMAP_EFFECT_DEPTH) &&
+                       fabs((double)cpu->depth - (double)gpu->depth) > 1e-4 * fmax(1.0, fabs((double)cpu->depth));
+    counts->faded += (flags & CONEMAP_EFFECT_FADE) && cpu->fade > 0.0f && cpu->fade < 1.0f;
+}
 
 static void compare(const struct golden *g, const struct plant *plant, const conemap_skeleton *skeleton,
                     const conemap_skeleton_trace_desc *trace, const conemap_ray *ray, int pixel, struct counts *counts)
 {
     const double grain = grain_of(plant, ray, pixel);
+    const float *normal;
+    int turned;
     conemap_skeleton_hit cpu;
+    conemap_shading shading;
     struct seen gpu = pixel ? look(g, skeleton, ray) : g->trace(ray);
-    conemap_skeleton_trace(skeleton, trace, ray, &cpu, 1);
+    memset(&shading, 0, sizeof shading);
+    CHECK(conemap_skeleton_shade(skeleton, trace, &bound.effects, bound.pixel, ray, &cpu, &shading, 1) == CONEMAP_OK,
+          "shade");
+    normal = bound.effects.flags ? shading.normal : cpu.normal;
     ++counts->rays;
     counts->hits += gpu.found;
     if (!same(trace, ray, &cpu, &gpu, grain)) {
@@ -455,9 +540,12 @@ static void compare(const struct golden *g, const struct plant *plant, const con
     CHECK(gpu.user == skeleton->frusta[gpu.frustum].user, "user");
     CHECK(way(gpu.position, cpu.position) <= 4.0 * grain, "%s: %g apart", g->file, way(gpu.position, cpu.position));
     ++counts->places;
-    counts->turned += way(gpu.normal, cpu.normal) > 0.01 || way(gpu.true_normal, cpu.true_normal) > 0.01 ||
-                      fabs((double)gpu.uvw[1] - (double)cpu.v) > 0.001 ||
-                      fabs((double)gpu.map[1] - (double)cpu.map_v) > 0.003;
+    turned = way(gpu.normal, normal) > 0.01 || fabs((double)gpu.uvw[1] - (double)cpu.v) > 0.001;
+    if (!bound.effects.flags) turned |= way(gpu.true_normal, cpu.true_normal) > 0.01;
+    if (!bound.effects.flags || (bound.effects.flags & CONEMAP_EFFECT_UV))
+        turned |= fabs((double)gpu.map[1] - (double)cpu.map_v) > 0.003;
+    counts->turned += turned;
+    compare_effects(bound.effects.flags, &shading, &gpu, counts);
 }
 
 static void relief_map(int kind, uint32_t seed, const struct golden *g, conemap_map *map)
@@ -477,16 +565,44 @@ static void relief_map(int kind, uint32_t seed, const struct golden *g, conemap_
     CHECK(conemap_build(&desc, map) == CONEMAP_OK, "map");
 }
 
+/* Numbers for effects: a light in or around the plant, pixels from none to so wide that the relief is gone. */
+static void set_effects(struct zoo_random *random, const struct plant *plant, unsigned flags)
+{
+    static const float projection[16] = {0.7f, 0.1f, 0.3f, 0.2f, 0.0f, 1.2f, 0.1f, -0.1f,
+                                         0.4f, 0.0f, 0.9f, 0.5f, 0.3f, 0.2f, 1.5f, 2500.0f};
+    conemap_effects *e = &bound.effects;
+    int k;
+    memset(e, 0, sizeof *e);
+    e->flags = flags;
+    e->view_projection = projection;
+    e->light_is_point = zoo_below(random, 2);
+    for (k = 0; k < 3; ++k) {
+        e->light[k] = zoo_between(random, -1.0f, 1.0f);
+        if (e->light_is_point) e->light[k] = plant->joints[0].position[k] + e->light[k] * plant->size;
+    }
+    e->light_radius = (e->light_is_point ? 0.2f * plant->size : 0.2f) * zoo_between(random, 0.01f, 1.0f);
+    e->sky_directions = 1 + zoo_below(random, 6);
+    e->sky_reach = zoo_below(random, 2) ? 0.0f : 0.3f * plant->size;
+    e->lod_bias = zoo_between(random, -1.0f, 1.0f);
+    e->lod_steps = zoo_below(random, 3) ? 20 + zoo_below(random, 80) : 0;
+    e->fade_begin = zoo_between(random, 1.0f, 8.0f);
+    e->fade_end = 0.3f;
+    bound.pixel = zoo_below(random, 3) ? zoo_unit(random) * zoo_unit(random) * 0.5f : 0.0f;
+}
+
 static void runs_as_c(void)
 {
+    static const int wanted[4] = {PLAIN, EFFECTS, LINEAR, ANY};
     const int rays = ray_count(6000), rays_each = 25;
     struct counts all;
-    int g, round, n;
+    int which, g, round, n;
     memset(&all, 0, sizeof all);
-    for (g = PLAIN; g <= ANY; ++g) {
-        struct zoo_random random = zoo_seed(900 + (uint32_t)g);
+    for (which = 0; which < 4; ++which) {
+        const unsigned skies = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+        struct zoo_random random = zoo_seed(900 + (uint32_t)which);
         conemap_frusta_shader_desc shader;
         struct counts counts;
+        g = wanted[which];
         golden_desc(g, &shader);
         memset(&counts, 0, sizeof counts);
         for (round = 0; round < rays / rays_each; ++round) {
@@ -509,6 +625,7 @@ static void runs_as_c(void)
             trace.any_hit = shader.any_hit;
             bound.skeleton = &skeleton;
             bound.map = trace.map;
+            set_effects(&random, &plant, g == ANY ? 0 : shader.flags);
             for (n = 0; n < rays_each; ++n) {
                 const conemap_frustum *f = &skeleton.frusta[zoo_below(&random, skeleton.count)];
                 const conemap_ray ray = plant_ray(&random, &plant, f);
@@ -517,6 +634,16 @@ static void runs_as_c(void)
             conemap_skeleton_free(&skeleton);
             if (round + ZOO_KINDS >= rays / rays_each) conemap_free(&maps[kind]);
         }
+        CHECK(counts.shadows * 100 <= counts.places && counts.occlusions * 100 <= counts.places,
+              "%s: %d shadows, %d occlusions of %d are others", goldens[g].file, counts.shadows, counts.occlusions,
+              counts.places);
+        CHECK(counts.gradients * 200 <= counts.places && counts.numbers * 200 <= counts.places,
+              "%s: %d gradients, %d numbers of %d are others", goldens[g].file, counts.gradients, counts.numbers,
+              counts.places);
+        CHECK(!(shader.flags & skies) || g == ANY || (counts.dark * 8 > counts.places && counts.dark * 8 < 7 * counts.places),
+              "%s: %d of %d in shadow", goldens[g].file, counts.dark, counts.places);
+        CHECK(!(shader.flags & CONEMAP_EFFECT_FADE) || g == ANY || counts.faded * 20 > counts.places, "%s: %d of %d fading",
+              goldens[g].file, counts.faded, counts.places);
         all.rays += counts.rays;
         all.hits += counts.hits;
         all.different += counts.different;
@@ -550,7 +677,7 @@ static void bounds(void)
             float corners[8][3], place[3], right[3];
             conemap_frustum_corners(&skeleton.frusta[i], corners);
             for (n = 0; n < 36; ++n) {
-                goldens[round % 5].corner(i, n, place);
+                goldens[round % 3].corner(i, n, place);
                 local_point(&skeleton.frusta[i], corners[triangles[n]], 0.0f, place, right);
                 CHECK(way(place, right) <= 3e-6 * (double)plant.size + 1e-6 * (double)fabsf(corners[0][0]),
                       "frustum %d, vertex %d: %g away", i, n, way(place, right));
@@ -573,31 +700,31 @@ static void speed_bound(void)
         bound.skeleton = &skeleton;
         for (n = 0; n < 20; ++n) {
             const int segment = zoo_below(&random, skeleton.count);
-            const fcones_frustum f = fcones_load(segment);
+            const feffects_frustum f = feffects_load(segment);
             const conemap_ray ray = plant_ray(&random, &plant, &skeleton.frusta[segment]);
             float span[2], from[3], a, b;
-            fcones_vec3 o, v;
-            fcones_vec2 first, second;
-            fcones_uvw at;
+            feffects_vec3 o, v;
+            feffects_vec2 first, second;
+            feffects_uvw at;
             double moved_u, moved_v, speed;
             if (conemap_frustum_span(&skeleton.frusta[segment], 1.0f, &ray, span) != CONEMAP_OK || span[0] >= span[1])
                 continue;
             local_point(&skeleton.frusta[segment], ray.origin, span[0], ray.direction, from);
             o.x = from[0], o.y = from[1], o.z = from[2];
-            v = fcones_make_vec3(ray.direction[0], ray.direction[1], ray.direction[2]);
-            v = fcones_into(f, v);
+            v = feffects_make_vec3(ray.direction[0], ray.direction[1], ray.direction[2]);
+            v = feffects_into(f, v);
             a = zoo_unit(&random) * (span[1] - span[0]);
             b = a + 0.01f * (span[1] - span[0]);
-            at = fcones_locate(f, fcones_along(o, v, a));
+            at = feffects_locate(f, feffects_along(o, v, a));
             if (!(at.w >= 0.0f && at.w <= 1.0f && at.v >= 0.0f && at.v <= 1.0f)) continue;
-            first = fcones_map_place(f, at.u, at.v);
-            at = fcones_locate(f, fcones_along(o, v, b));
+            first = feffects_map_place(f, at.u, at.v);
+            at = feffects_locate(f, feffects_along(o, v, b));
             if (!(at.w >= 0.0f && at.w <= 1.0f && at.v >= 0.0f && at.v <= 1.0f)) continue;
-            second = fcones_map_place(f, at.u, at.v);
+            second = feffects_map_place(f, at.u, at.v);
             moved_u = (double)second.x - (double)first.x;
             moved_u -= (double)f.more.y * floor(moved_u / (double)f.more.y + 0.5);
             moved_v = 0.75 * ((double)second.y - (double)first.y); /* the aspect of that golden file */
-            speed = (double)fcones_map_speed(f, fcones_bound_speed(f, o, v), o, v, a, b);
+            speed = (double)feffects_map_speed(f, feffects_bound_speed(f, o, v), o, v, a, b);
             CHECK(sqrt(moved_u * moved_u + moved_v * moved_v) <= 1.001 * speed * (double)(b - a) + 2e-5,
                   "moved %g, %g in %g at no more than %g", moved_u, moved_v, (double)(b - a), speed);
             ++all;
@@ -606,6 +733,126 @@ static void speed_bound(void)
         conemap_skeleton_free(&skeleton);
     }
     CHECK(all > 1000 && tight * 50 > all, "%d of %d near the bound", tight, all);
+}
+
+static unsigned clashing(unsigned flags)
+{
+    const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
+    const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
+    return (flags & REFUSED) || (flags & normals) == normals || (flags & shadows) == shadows || (flags & skies) == skies;
+}
+
+/* How many lines of a text are in none of the others; what hands arguments over may be. */
+static int strange_lines(const char *text, const char *const *others, int count)
+{
+    int strange = 0, k;
+    for (; *text; text += strcspn(text, "\n") + 1) {
+        const size_t length = strcspn(text, "\n") + 1;
+        for (k = 0; k < count; ++k) {
+            const char *at = others[k];
+            while (at && strncmp(at, text, length) != 0) {
+                at = strchr(at, '\n');
+                at = at && at[1] ? at + 1 : NULL;
+            }
+            if (at) break;
+        }
+        if (k < count) continue;
+        for (k = 0; k < (int)length && strncmp(text + k, "conemap_", 8) != 0;) ++k;
+        if (k < (int)length && (strncmp(text + k, "conemap_finish(", 15) == 0 || strncmp(text + k, "conemap_meet(", 13) == 0))
+            continue;
+        ++strange;
+    }
+    return strange;
+}
+
+/* Every effect's own word is in a text if the effect is, and not else. */
+static void own_words(const char *text, unsigned flags)
+{
+    static const struct {
+        unsigned flags;
+        const char *word;
+    } own[] = {
+        {CONEMAP_EFFECT_LOD, "lod_steps"},
+        {CONEMAP_EFFECT_LOD, "hit.level"},
+        {CONEMAP_EFFECT_FADE, "fade_begin"},
+        {CONEMAP_EFFECT_FADE, "conemap_flatten"},
+        {CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE, "conemap_detail"},
+        {CONEMAP_EFFECT_SMOOTH_NORMAL, "conemap_end_normal"},
+        {CONEMAP_EFFECT_SMOOTH_NORMAL, "conemap_mix_branches"},
+        {CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_SKY, "conemap_find_normals"},
+        {CONEMAP_EFFECT_DEPTH, "clip_z"},
+        {CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW, "hit.shadow"},
+        {CONEMAP_EFFECT_SOFT_SHADOW, "light_radius"},
+        {CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY, "conemap_any_frusta"},
+        {CONEMAP_EFFECT_OCCLUSION, "conemap_openness"},
+        {CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY, "hit.occlusion"},
+        {CONEMAP_EFFECT_SKY, "sky_directions"},
+        {CONEMAP_EFFECT_UV, "conemap_footprint"},
+        {CONEMAP_EFFECT_UV, "hit.map"},
+    };
+    int k;
+    for (k = 0; k < (int)(sizeof own / sizeof own[0]); ++k)
+        CHECK((strstr(text, own[k].word) != NULL) == ((flags & own[k].flags) != 0), "effects %x: %s", flags, own[k].word);
+}
+
+/* What an effect adds is not there without it: two effects need no line that none of them needs alone. And what runs
+   above holds the lines of all effects, and of those ways through the shell that have no file of their own. */
+static void effects_add_lines(void)
+{
+    static const int kept[3] = {PLAIN, EFFECTS, LINEAR};
+    const size_t size = 1 << 17;
+    conemap_frusta_shader_desc desc;
+    char *text = (char *)test_alloc(size), *single[15];
+    char *words[3];
+    const char *alone[2], *run[3];
+    int a, b, k;
+    for (k = 0; k < 3; ++k) {
+        words[k] = (char *)test_alloc(size);
+        golden_desc(kept[k], &desc);
+        desc.prefix = NULL;
+        desc.fetch_frusta = "rows";
+        desc.fetch = "fetch";
+        REQUIRE(conemap_emit_frusta(&desc, words[k], size, NULL) == CONEMAP_OK, "run");
+        run[k] = words[k];
+    }
+    golden_desc(EFFECTS, &desc);
+    desc.prefix = NULL;
+    desc.fetch_frusta = "rows";
+    desc.fetch = "fetch";
+    for (k = 0; k < 3; ++k) {
+        conemap_frusta_shader_desc other = desc;
+        other.flags = 0;
+        if (k == 1) other.march = CONEMAP_MARCH_STEPS;
+        if (k == 2) other.any_hit = 1;
+        REQUIRE(conemap_emit_frusta(&other, text, size, NULL) == CONEMAP_OK, "no effects");
+        a = strange_lines(text, run, 3);
+        CHECK(a <= (k == 1 ? 8 : 2), "%d lines that do not run, of way %d", a, k); /* numbers of steps, a heading */
+    }
+    for (a = 0; a < 15; ++a) {
+        single[a] = NULL;
+        desc.flags = 1u << a;
+        if (clashing(desc.flags)) continue;
+        single[a] = (char *)test_alloc(size);
+        REQUIRE(conemap_emit_frusta(&desc, single[a], size, NULL) == CONEMAP_OK, "effect %d", a);
+        own_words(single[a], desc.flags);
+        k = strange_lines(single[a], run, 3);
+        CHECK(k <= 8, "effect %d: %d lines that do not run", a, k);
+        alone[0] = single[a];
+        for (b = 0; b < a; ++b) {
+            desc.flags = 1u << a | 1u << b;
+            if (!single[b] || clashing(desc.flags)) continue;
+            REQUIRE(conemap_emit_frusta(&desc, text, size, NULL) == CONEMAP_OK, "effects %d, %d", a, b);
+            own_words(text, desc.flags);
+            alone[1] = single[b];
+            k = strange_lines(text, alone, 2);
+            CHECK(k <= 6, "effects %d, %d: %d lines that neither needs", a, b, k);
+        }
+    }
+    for (a = 0; a < 15; ++a)
+        if (single[a]) test_release(single[a]);
+    for (k = 0; k < 3; ++k) test_release(words[k]);
+    test_release(text);
 }
 
 static void bad_input(void)
@@ -644,6 +891,21 @@ static void bad_input(void)
         {"sectors", CONEMAP_ERROR_UNSUPPORTED},
         {"shade is a word of the text", CONEMAP_ERROR_PARAMETER},
         {"gathered cells", CONEMAP_ERROR_UNSUPPORTED},
+        {"depth bound", CONEMAP_ERROR_ENUM},
+        {"depth bound in ES", CONEMAP_ERROR_UNSUPPORTED},
+        {"depth bound without depth", CONEMAP_ERROR_UNSUPPORTED},
+        {"only depth, but none", CONEMAP_ERROR_UNSUPPORTED},
+        {"clip", CONEMAP_ERROR_UNSUPPORTED},
+        {"holes", CONEMAP_ERROR_UNSUPPORTED},
+        {"curved", CONEMAP_ERROR_UNSUPPORTED},
+        {"unknown effects", CONEMAP_ERROR_UNSUPPORTED},
+        {"two normals", CONEMAP_ERROR_UNSUPPORTED},
+        {"two shadows", CONEMAP_ERROR_UNSUPPORTED},
+        {"two skies", CONEMAP_ERROR_UNSUPPORTED},
+        {"effects of any hit", CONEMAP_ERROR_UNSUPPORTED},
+        {"levels without relief", CONEMAP_ERROR_UNSUPPORTED},
+        {"fading without relief", CONEMAP_ERROR_UNSUPPORTED},
+        {"occlusion without cones", CONEMAP_ERROR_UNSUPPORTED},
     };
     static char text[65536];
     conemap_frusta_shader_desc good, desc;
@@ -706,10 +968,44 @@ static void bad_input(void)
             desc.stage = CONEMAP_FRUSTA_FRAGMENT;
             desc.shade = "inner";
             break;
-        default:
+        case 29:
             desc.dialect = CONEMAP_GLSL_430;
             desc.filter = CONEMAP_FILTER_GATHER;
             desc.map.texture.per_cell = 1;
+            break;
+        case 30: desc.depth_bound = CONEMAP_DEPTH_BOUND_COUNT; break;
+        case 31:
+            desc.stage = CONEMAP_FRUSTA_FRAGMENT;
+            desc.dialect = CONEMAP_ESSL_310;
+            desc.depth_bound = CONEMAP_DEPTH_GREATER;
+            break;
+        case 32:
+        case 33:
+            desc.stage = CONEMAP_FRUSTA_FRAGMENT;
+            desc.dialect = CONEMAP_GLSL_430;
+            desc.flags = CONEMAP_EFFECT_UV;
+            if (k == 32) desc.depth_bound = CONEMAP_DEPTH_LESS;
+            if (k == 33) desc.depth_only = 1;
+            break;
+        case 34: desc.flags = CONEMAP_EFFECT_CLIP; break;
+        case 35: desc.flags = CONEMAP_EFFECT_HOLES; break;
+        case 36: desc.flags = CONEMAP_EFFECT_CURVED; break;
+        case 37: desc.flags = CONEMAP_EFFECT_ALL_BITS + 1; break;
+        case 38: desc.flags = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL; break;
+        case 39: desc.flags = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW; break;
+        case 40: desc.flags = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY; break;
+        case 41:
+            desc.flags = CONEMAP_EFFECT_UV;
+            desc.any_hit = 1;
+            break;
+        case 42:
+        case 43:
+            desc.flags = k == 42 ? CONEMAP_EFFECT_LOD : CONEMAP_EFFECT_FADE;
+            desc.relief = 0;
+            break;
+        default:
+            desc.flags = CONEMAP_EFFECT_OCCLUSION;
+            desc.march = CONEMAP_MARCH_STEPS;
             break;
         }
         CHECK(conemap_emit_frusta(&desc, text, sizeof text, &size) == cases[k].result && size == 1 && !text[0],
@@ -733,5 +1029,5 @@ static void bad_input(void)
 
 const struct test_case emit_frusta_tests[] = {
     {"golden", golden_files},     {"bounds", bounds},       {"runs as C", runs_as_c},
-    {"speed bound", speed_bound}, {"bad input", bad_input}, {NULL, NULL},
+    {"speed bound", speed_bound}, {"effects add lines", effects_add_lines}, {"bad input", bad_input}, {NULL, NULL},
 };

@@ -35,6 +35,9 @@ works build/emit --dialect hlsl50 --tracer exact --stage compute
 grep -q numthreads "$dir/stdout" || say "emit prints no compute shader"
 works build/emit --frusta relief --stage fragment
 grep -q gl_FragDepth "$dir/stdout" || say "emit prints no shader for frusta"
+works build/emit --frusta relief --stage fragment --effects shadow,fade,depth
+grep -q hit.shadow "$dir/stdout" || say "emit prints no effects of frusta"
+refuses build/emit --frusta relief --effects curved
 refuses build/emit --stage vertex
 works build/emit --kernel quick --generator quick-center --dialect glsl430 --stage compute
 grep -q conemap_quick "$dir/stdout" || say "emit prints no kernel"

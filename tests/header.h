@@ -40,6 +40,7 @@ static int header_skeleton(void)
     wrong |= conemap_frustum_point(skeleton.frusta, uvw, point) != CONEMAP_OK;
     wrong |= conemap_frustum_span(skeleton.frusta, 0.0f, &ray, span) != CONEMAP_OK || span[0] != 4.0f;
     wrong |= conemap_skeleton_trace(&skeleton, NULL, &ray, &hit, 1) != CONEMAP_OK || hit.t != 4.0f;
+    wrong |= conemap_skeleton_shade(&skeleton, NULL, NULL, 0.0f, &ray, &hit, NULL, 1) != CONEMAP_OK || hit.t != 4.0f;
     conemap_skeleton_free(&skeleton);
     return !wrong;
 }

@@ -99,6 +99,7 @@ int main(int argument_count, char **arguments)
         {"frusta", frusta_tests},
         {"emit_frusta", emit_frusta_tests},
         {"effects", effects_tests},
+        {"frusta_effects", frusta_effects_tests},
         {"shading", shading_tests},
         {"plan", plan_tests},
         {"packets", packets_tests},

@@ -34,6 +34,7 @@ extern const struct test_case emit_tests[];
 extern const struct test_case frusta_tests[];
 extern const struct test_case emit_frusta_tests[];
 extern const struct test_case effects_tests[];
+extern const struct test_case frusta_effects_tests[];
 extern const struct test_case shading_tests[];
 extern const struct test_case plan_tests[];
 extern const struct test_case packets_tests[];

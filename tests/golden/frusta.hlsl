@@ -329,8 +329,24 @@ float2 conemap_meet(conemap_frustum f, float3 o, float3 v, float t_min, float t_
     return float2(t, t > outer.x ? 0.0 : outer.z);
 }
 
+// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
+float3 conemap_out_of(conemap_frustum f, float3 n) {
+    return float3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
+                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
+                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
+}
+
+float3 conemap_place_out_of(conemap_frustum f, float3 p) {
+    float4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
+    float3 d = conemap_out_of(f, float3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
+                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
+                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
+    return float3(x.w + d.x, y.w + d.y, z.w + d.z);
+}
+
 struct conemap_normals { // in the world, units
-    float3 shading, plain; // continuous across joints; of the surface as it is
+    float3 shading; // continuous across joints
+    float3 plain; // of the surface as it is
     float away; // how far the place is outside the surface, in the world's units
 };
 
@@ -347,6 +363,30 @@ float3 conemap_end_normal(conemap_frustum f, float4 plane, conemap_uvw at, float
     return conemap_unit(float3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
 }
 
+struct conemap_uv_gradients { // of u, in radians, and of v, times the thickness
+    float3 u, v;
+};
+
+// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.
+float3 conemap_cut_gradient(conemap_frustum f, float4 plane, conemap_uvw at, float y, float3 angle, float3 w) {
+    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0 - at.cone.y * tilt;
+    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);
+    float b = at.thickness > 0.0 ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0;
+    return float3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);
+}
+
+conemap_uv_gradients conemap_find_gradients(conemap_frustum f, conemap_uvw at) {
+    conemap_uv_gradients g;
+    float by_d = at.thickness / at.d, span = at.high - at.low, rest = 1.0 - at.v;
+    float3 grad_w = float3(at.sine, -at.cone.y, at.cosine);
+    g.u = float3(at.cosine * by_d, 0.0, -at.sine * by_d);
+    float3 a = conemap_cut_gradient(f, f.lower, at, at.low, g.u, grad_w);
+    float3 b = conemap_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);
+    g.v = float3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,
+               -(rest * a.z + at.v * b.z) / span);
+    return g;
+}
+
 // Height of the relief, and what it grows by per turn of u and per v of the frustum.
 float3 conemap_slopes(conemap_frustum f, float u, float v) {
     int2 size = conemap_size();
@@ -360,39 +400,20 @@ float3 conemap_slopes(conemap_frustum f, float u, float v) {
     return float3(a + low * x + (c - a + (high - low) * x) * y, by_u, by_v + by_u * f.extent.w);
 }
 
-// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.
-float3 conemap_cut_gradient(conemap_frustum f, float4 plane, conemap_uvw at, float y, float3 angle, float3 w) {
-    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0 - at.cone.y * tilt;
-    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);
-    float b = at.thickness > 0.0 ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0;
-    return float3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);
-}
-
-// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
-float3 conemap_out_of(conemap_frustum f, float3 n) {
-    return float3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
-                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
-                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
-}
-
 conemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {
-    float3 low = conemap_end_normal(f, f.lower, at, 0.0), high = conemap_end_normal(f, f.upper, at, f.extent.x);
-    float m = min(max(at.v, 0.0), 1.0), l = 1.0, height = 0.0;
-    if ((f.more.x & 32) != 0) m = m * m * (3.0 - 2.0 * m); // C1
-    l = 1.0 - m;
-    float3 smoothed = conemap_unit(float3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
     float3 grad_w = float3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness
-    float steep = sqrt(1.0 + at.cone.y * at.cone.y);
+    float3 low = conemap_end_normal(f, f.lower, at, 0.0), high = conemap_end_normal(f, f.upper, at, f.extent.x);
+    float m = min(max(at.v, 0.0), 1.0), steep = sqrt(1.0 + at.cone.y * at.cone.y);
+    if ((f.more.x & 32) != 0) m = m * m * (3.0 - 2.0 * m); // C1
+    float l = 1.0 - m;
+    float3 smoothed = conemap_unit(float3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
     smoothed = float3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);
+    float height = 0.0;
     if (at.thickness > 0.0 && at.d > 1e-6 * f.extent.x) { // the relief's slopes
-        float by_d = at.thickness / at.d, span = at.high - at.low;
-        float3 angle = float3(at.cosine * by_d, 0.0, -at.sine * by_d), slopes = conemap_slopes(f, at.u, at.v);
-        float3 a = conemap_cut_gradient(f, f.lower, at, at.low, angle, grad_w);
-        float3 b = conemap_cut_gradient(f, f.upper, at, at.high, angle, grad_w);
-        float by_u = slopes.y * 0.159154943, by_v = slopes.z / span, rest = 1.0 - at.v;
-        float3 s = float3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),
-                      by_v * (at.thickness - rest * a.y - at.v * b.y),
-                      by_u * angle.z - by_v * (rest * a.z + at.v * b.z));
+        conemap_uv_gradients g = conemap_find_gradients(f, at);
+        float3 slopes = conemap_slopes(f, at.u, at.v);
+        float by_u = slopes.y * 0.159154943, by_v = slopes.z;
+        float3 s = float3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * g.v.z);
         grad_w = float3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);
         smoothed = float3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);
         height = slopes.x;
@@ -404,12 +425,10 @@ conemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {
     return n;
 }
 
-float3 conemap_place_out_of(conemap_frustum f, float3 p) {
-    float4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
-    float3 d = conemap_out_of(f, float3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
-                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
-                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
-    return float3(x.w + d.x, y.w + d.y, z.w + d.z);
+// Out of the lower (1) or upper (2) cutting plane.
+float3 conemap_flat_end(conemap_frustum f, int face) {
+    float4 lower = f.lower, upper = f.upper;
+    return face == 1 ? float3(lower.x, -1.0, lower.y) : float3(-upper.x, 1.0, -upper.y);
 }
 
 // The frustum of a chain that a place is beside, a few up or down from `frustum`.
@@ -482,25 +501,21 @@ float3 conemap_blend(int frustum, float3 place, float3 normal) {
 
 // All about a place where a ray of the frame meets a frustum.
 conemap_frustum_hit conemap_surface(conemap_frustum f, int frustum, float3 p, int face) {
-    conemap_frustum_hit hit;
+    conemap_frustum_hit hit = conemap_no_frustum(0.0);
     conemap_uvw at = conemap_locate(f, p);
-    conemap_normals n = conemap_find_normals(f, at);
     int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;
     hit.found = true;
-    hit.inside = false;
     hit.frustum = frustum;
     hit.user = f.more.z;
     hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam
-    hit.t = 0.0;
     hit.position = conemap_place_out_of(f, p);
     hit.uvw = float3(at.u, min(max(at.v, 0.0), 1.0), at.w);
     hit.map = conemap_map_place(f, at.u, at.v);
+    conemap_normals n = conemap_find_normals(f, at);
     hit.normal = n.shading;
     hit.true_normal = n.plain;
     if (hit.cap != 0) {
-        float4 lower = f.lower, upper = f.upper;
-        float3 flat_end = face == 1 ? float3(lower.x, -1.0, lower.y) : float3(-upper.x, 1.0, -upper.y);
-        hit.normal = conemap_unit(conemap_out_of(f, flat_end));
+        hit.normal = conemap_unit(conemap_out_of(f, conemap_flat_end(f, face)));
         hit.true_normal = hit.normal;
     }
     if (hit.cap == 0) hit.normal = conemap_blend(frustum, hit.position, hit.normal);

@@ -16,10 +16,6 @@ typedef struct flinear_vec3 {
     float x, y, z;
 } flinear_vec3;
 
-typedef struct flinear_vec2 {
-    float x, y;
-} flinear_vec2;
-
 typedef struct flinear_frustum_hit {
     bool found;
     bool inside; // the ray began inside
@@ -28,22 +24,32 @@ typedef struct flinear_frustum_hit {
     float t; // in lengths of the direction
     flinear_vec3 position;
     flinear_vec3 uvw; // of the frustum; v 0..1, w the height in the shell
-    flinear_vec2 map; // u and v of the map, not wrapped
-    flinear_vec3 normal, true_normal; // units: for shading, continuous across joints; of the surface as it is
+    flinear_vec3 normal; // unit, of the surface as it is
+    float shadow; // 0 dark to 1 lit
+    float occlusion; // 0 closed to 1 open
+    float level; // log2 of the texels under a pixel
 } flinear_frustum_hit;
+
+typedef struct flinear_vec4 {
+    float x, y, z, w;
+} flinear_vec4;
+
+typedef struct flinear_frusta_effects {
+    flinear_vec4 light; // towards the light, 0; or its position, 1
+    int first, count; // frusta that throw shadows
+    float light_radius; // radians, or the radius of the ball at a position
+    float sky_reach; // what is farther away hides nothing
+    int sky_directions;
+    float pixel; // how wide a pixel is at distance 1 from the eye; of parallel rays, anywhere
+    float lod_bias; // added to the level
+    int lod_steps; // the step cap at level 0; 0: none
+} flinear_frusta_effects;
 
 static flinear_vec3 flinear_make_vec3(float x, float y, float z) {
     flinear_vec3 v;
     v.x = x;
     v.y = y;
     v.z = z;
-    return v;
-}
-
-static flinear_vec2 flinear_make_vec2(float x, float y) {
-    flinear_vec2 v;
-    v.x = x;
-    v.y = y;
     return v;
 }
 
@@ -57,15 +63,16 @@ static flinear_frustum_hit flinear_no_frustum(float t) {
     hit.t = t;
     hit.position = flinear_make_vec3(0.0f, 0.0f, 0.0f);
     hit.uvw = hit.position;
-    hit.map = flinear_make_vec2(0.0f, 0.0f);
     hit.normal = hit.position;
-    hit.true_normal = hit.position;
+    hit.shadow = 1.0f;
+    hit.occlusion = 1.0f;
+    hit.level = 0.0f;
     return hit;
 }
 
-typedef struct flinear_vec4 {
-    float x, y, z, w;
-} flinear_vec4;
+static float flinear_dot(flinear_vec3 a, flinear_vec3 b) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 
 typedef struct flinear_frustum {
     flinear_vec4 axis_x, axis_y, axis_z; // unit axes; the origin's coordinates
@@ -117,6 +124,26 @@ static flinear_frustum flinear_load(int frustum) {
     return f;
 }
 
+// A direction of the world in the frustum's frame.
+static flinear_vec3 flinear_into(flinear_frustum f, flinear_vec3 d) {
+    return flinear_make_vec3(f.axis_x.x * d.x + f.axis_x.y * d.y + f.axis_x.z * d.z,
+                f.axis_y.x * d.x + f.axis_y.y * d.y + f.axis_y.z * d.z,
+                f.axis_z.x * d.x + f.axis_z.y * d.y + f.axis_z.z * d.z);
+}
+
+static flinear_vec3 flinear_place_into(flinear_frustum f, flinear_vec3 p) {
+    return flinear_into(f, flinear_make_vec3(p.x - f.axis_x.w, p.y - f.axis_y.w, p.z - f.axis_z.w));
+}
+
+typedef struct flinear_detail { // what is seen of a shell's relief from far away
+    float level; // log2 of the texels under a pixel
+    int cap; // most steps
+} flinear_detail;
+
+typedef struct flinear_vec2 {
+    float x, y;
+} flinear_vec2;
+
 // Narrows (from, to, face) to where g + gv t >= 0; a ray that enters there enters through `face`.
 static flinear_vec3 flinear_half(flinear_vec3 span, float g, float gv, float face) {
     float t = gv != 0.0f ? -g / gv : 0.0f;
@@ -163,6 +190,31 @@ static flinear_vec3 flinear_span(flinear_frustum f, flinear_vec2 cone, flinear_v
     inside.y = fminf(inside.y, second);
     span = flinear_make_vec3(fmaxf(span.x, inside.x + at), fminf(span.y, inside.y + at), inside.z);
     return meets && inside.x <= inside.y ? span : flinear_make_vec3(1.0f, 0.0f, 0.0f);
+}
+
+static flinear_vec2 flinear_make_vec2(float x, float y) {
+    flinear_vec2 v;
+    v.x = x;
+    v.y = y;
+    return v;
+}
+
+static flinear_vec3 flinear_along(flinear_vec3 o, flinear_vec3 v, float t) {
+    return flinear_make_vec3(o.x + t * v.x, o.y + t * v.y, o.z + t * v.z);
+}
+
+// Where a ray enters the shell. pixel: how wide one is at t = 0, and its growth.
+static flinear_detail flinear_detail_of(flinear_frusta_effects e, flinear_frustum f, flinear_vec3 o, flinear_vec3 v, flinear_vec2 range, flinear_vec2 pixel) {
+    flinear_detail detail;
+    flinear_vec3 outer = flinear_span(f, flinear_make_vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, range.x, range.y);
+    flinear_vec3 p = flinear_along(o, v, outer.x);
+    float width = fmaxf(pixel.x + pixel.y * outer.x, 1e-30f);
+    float around = f.radii.x + f.radii.z + (f.radii.y + f.radii.w) * p.y;
+    float texels = fmaxf((float)(f.more.y) * 64.0f / fmaxf(6.28318531f * around, 1e-20f), fabsf(f.extent.z) * 48.0f / f.extent.x);
+    detail.level = fmaxf(log2f(fmaxf(width * texels, 1e-30f)) + e.lod_bias, 0.0f);
+    detail.cap = (int)(fmaxf(8.0f, ceilf((float)(e.lod_steps) * exp2f(-detail.level))));
+    if (e.lod_steps == 0 || detail.cap > 100) detail.cap = 100;
+    return detail;
 }
 
 // One for every 45 degrees between the cutting planes.
@@ -212,10 +264,6 @@ static flinear_uvw flinear_locate(flinear_frustum f, flinear_vec3 p) {
     at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;
     at.u = flinear_turns(p.x, p.z);
     return at;
-}
-
-static flinear_vec3 flinear_along(flinear_vec3 o, flinear_vec3 v, float t) {
-    return flinear_make_vec3(o.x + t * v.x, o.y + t * v.y, o.z + t * v.z);
 }
 
 // Piece k of n of a ray in the shell, along which v is taken for linear: t and v of its ends.
@@ -276,18 +324,18 @@ static float flinear_above(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, fl
 
 // Equal steps, then halvings [BJCW09 section 3]: t where the ray meets the relief in a range of t, at its end if
 // `solid`; 1e30: it does not.
-static float flinear_march(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, flinear_vec2 range, bool solid) {
+static float flinear_march(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, flinear_vec2 range, bool solid, int cap) {
     float before = range.x, t = range.x;
     bool met = false;
     int pieces = flinear_pieces(f), next = 1;
     flinear_vec4 piece = flinear_piece(f, o, v, range, 0, pieces);
-    for (int k = 0; k <= 100; ++k) {
-        t = k < 100 ? range.x + (range.y - range.x) * ((float)(k) / (float)(100)) : range.y;
+    for (int k = 0; k <= cap; ++k) {
+        t = k < cap ? range.x + (range.y - range.x) * ((float)(k) / (float)(cap)) : range.y;
         if (t > piece.y && next < pieces) {
             piece = flinear_piece(f, o, v, range, next, pieces);
             ++next;
         }
-        met = (solid && k == 100) || flinear_above(f, o, v, t, piece) <= 0.0f;
+        met = (solid && k == cap) || flinear_above(f, o, v, t, piece) <= 0.0f;
         if (met) break;
         before = t;
     }
@@ -301,50 +349,58 @@ static float flinear_march(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, fl
 }
 
 // t where a ray of the frame meets the frustum's relief, 1e30 where it does not, and the face; see flinear_span.
-static flinear_vec2 flinear_meet(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, float t_min, float t_max) {
+static flinear_vec2 flinear_meet(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, float t_min, float t_max, int cap) {
     flinear_vec3 inner = flinear_span(f, flinear_make_vec2(f.radii.x, f.radii.y), o, v, t_min, t_max), outer = inner;
     bool solid = inner.x <= inner.y, shell = f.radii.z > 0.0f || f.radii.w > 0.0f;
     if (shell) outer = flinear_span(f, flinear_make_vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, t_min, t_max);
     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell
     float t = outer.x <= outer.y ? outer.x : 1e30f;
     if (shell && outer.x <= outer.y)
-        t = flinear_march(f, o, v, flinear_make_vec2(outer.x, solid ? fmaxf(inner.x, outer.x) : outer.y), solid);
+        t = flinear_march(f, o, v, flinear_make_vec2(outer.x, solid ? fmaxf(inner.x, outer.x) : outer.y), solid, cap);
     return flinear_make_vec2(t, t > outer.x ? 0.0f : outer.z);
 }
 
-// A direction of the world in the frustum's frame.
-static flinear_vec3 flinear_into(flinear_frustum f, flinear_vec3 d) {
-    return flinear_make_vec3(f.axis_x.x * d.x + f.axis_x.y * d.y + f.axis_x.z * d.z,
-                f.axis_y.x * d.x + f.axis_y.y * d.y + f.axis_y.z * d.z,
-                f.axis_z.x * d.x + f.axis_z.y * d.y + f.axis_z.z * d.z);
+// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
+static flinear_vec3 flinear_out_of(flinear_frustum f, flinear_vec3 n) {
+    return flinear_make_vec3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
+                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
+                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
 }
 
-static flinear_vec3 flinear_place_into(flinear_frustum f, flinear_vec3 p) {
-    return flinear_into(f, flinear_make_vec3(p.x - f.axis_x.w, p.y - f.axis_y.w, p.z - f.axis_z.w));
+static flinear_vec3 flinear_place_out_of(flinear_frustum f, flinear_vec3 p) {
+    flinear_vec4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
+    flinear_vec3 d = flinear_out_of(f, flinear_make_vec3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
+                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
+                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
+    return flinear_make_vec3(x.w + d.x, y.w + d.y, z.w + d.z);
 }
 
 typedef struct flinear_normals { // in the world, units
-    flinear_vec3 shading, plain; // continuous across joints; of the surface as it is
-    float away; // how far the place is outside the surface, in the world's units
+    flinear_vec3 plain; // of the surface as it is
 } flinear_normals;
 
-static flinear_vec3 flinear_unit(flinear_vec3 n) {
-    float by = sqrtf(n.x * n.x + n.y * n.y + n.z * n.z);
-    by = by > 0.0f ? 1.0f / by : 0.0f;
-    return flinear_make_vec3(n.x * by, n.y * by, n.z * by);
+typedef struct flinear_uv_gradients { // of u, in radians, and of v, times the thickness
+    flinear_vec3 u, v;
+} flinear_uv_gradients;
+
+// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.
+static flinear_vec3 flinear_cut_gradient(flinear_frustum f, flinear_vec4 plane, flinear_uvw at, float y, flinear_vec3 angle, flinear_vec3 w) {
+    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0f - at.cone.y * tilt;
+    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);
+    float b = at.thickness > 0.0f ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0f;
+    return flinear_make_vec3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);
 }
 
-// The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.
-static flinear_vec3 flinear_end_normal(flinear_frustum f, flinear_vec4 plane, flinear_uvw at, float joint) {
-    float y = flinear_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);
-    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrtf(radius * radius + y * y);
-    if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit
-        radius = 1.0f;
-        y = 0.0f;
-        size = 1.0f;
-    }
-    float lean = plane.w * size / sqrtf(1.0f + plane.x * plane.x + plane.y * plane.y);
-    return flinear_unit(flinear_make_vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
+static flinear_uv_gradients flinear_find_gradients(flinear_frustum f, flinear_uvw at) {
+    flinear_uv_gradients g;
+    float by_d = at.thickness / at.d, span = at.high - at.low, rest = 1.0f - at.v;
+    flinear_vec3 grad_w = flinear_make_vec3(at.sine, -at.cone.y, at.cosine);
+    g.u = flinear_make_vec3(at.cosine * by_d, 0.0f, -at.sine * by_d);
+    flinear_vec3 a = flinear_cut_gradient(f, f.lower, at, at.low, g.u, grad_w);
+    flinear_vec3 b = flinear_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);
+    g.v = flinear_make_vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,
+               -(rest * a.z + at.v * b.z) / span);
+    return g;
 }
 
 // Height of the relief, and what it grows by per turn of u and per v of the frustum.
@@ -359,93 +415,138 @@ static flinear_vec3 flinear_slopes(flinear_frustum f, float u, float v) {
     return flinear_make_vec3(a + low * x + (c - a + (high - low) * x) * y, by_u, by_v + by_u * f.extent.w);
 }
 
-// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.
-static flinear_vec3 flinear_cut_gradient(flinear_frustum f, flinear_vec4 plane, flinear_uvw at, float y, flinear_vec3 angle, flinear_vec3 w) {
-    float tilt = plane.x * at.sine + plane.y * at.cosine, rest = 1.0f - at.cone.y * tilt;
-    float a = (at.cone.x + at.cone.y * plane.z) / (rest * rest) * (plane.x * at.cosine - plane.y * at.sine);
-    float b = at.thickness > 0.0f ? tilt * (f.radii.z + f.radii.w * y) / rest : 0.0f;
-    return flinear_make_vec3(a * angle.x + b * w.x, a * angle.y + b * w.y, a * angle.z + b * w.z);
-}
-
-// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
-static flinear_vec3 flinear_out_of(flinear_frustum f, flinear_vec3 n) {
-    return flinear_make_vec3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
-                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
-                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
+static flinear_vec3 flinear_unit(flinear_vec3 n) {
+    float by = sqrtf(n.x * n.x + n.y * n.y + n.z * n.z);
+    by = by > 0.0f ? 1.0f / by : 0.0f;
+    return flinear_make_vec3(n.x * by, n.y * by, n.z * by);
 }
 
 static flinear_normals flinear_find_normals(flinear_frustum f, flinear_uvw at) {
-    flinear_vec3 low = flinear_end_normal(f, f.lower, at, 0.0f), high = flinear_end_normal(f, f.upper, at, f.extent.x);
-    float m = fminf(fmaxf(at.v, 0.0f), 1.0f), l = 1.0f, height = 0.0f;
-    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1
-    l = 1.0f - m;
-    flinear_vec3 smoothed = flinear_unit(flinear_make_vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
     flinear_vec3 grad_w = flinear_make_vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness
-    float steep = sqrtf(1.0f + at.cone.y * at.cone.y);
-    smoothed = flinear_make_vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);
     if (at.thickness > 0.0f && at.d > 1e-6f * f.extent.x) { // the relief's slopes
-        float by_d = at.thickness / at.d, span = at.high - at.low;
-        flinear_vec3 angle = flinear_make_vec3(at.cosine * by_d, 0.0f, -at.sine * by_d), slopes = flinear_slopes(f, at.u, at.v);
-        flinear_vec3 a = flinear_cut_gradient(f, f.lower, at, at.low, angle, grad_w);
-        flinear_vec3 b = flinear_cut_gradient(f, f.upper, at, at.high, angle, grad_w);
-        float by_u = slopes.y * 0.159154943f, by_v = slopes.z / span, rest = 1.0f - at.v;
-        flinear_vec3 s = flinear_make_vec3(by_u * angle.x - by_v * (rest * a.x + at.v * b.x),
-                      by_v * (at.thickness - rest * a.y - at.v * b.y),
-                      by_u * angle.z - by_v * (rest * a.z + at.v * b.z));
+        flinear_uv_gradients g = flinear_find_gradients(f, at);
+        flinear_vec3 slopes = flinear_slopes(f, at.u, at.v);
+        float by_u = slopes.y * 0.159154943f, by_v = slopes.z;
+        flinear_vec3 s = flinear_make_vec3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * g.v.z);
         grad_w = flinear_make_vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);
-        smoothed = flinear_make_vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);
-        height = slopes.x;
     }
     flinear_normals n;
-    n.shading = flinear_unit(flinear_out_of(f, smoothed));
     n.plain = flinear_unit(flinear_out_of(f, grad_w));
-    n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;
     return n;
 }
 
-static flinear_vec3 flinear_place_out_of(flinear_frustum f, flinear_vec3 p) {
-    flinear_vec4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
-    flinear_vec3 d = flinear_out_of(f, flinear_make_vec3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
-                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
-                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
-    return flinear_make_vec3(x.w + d.x, y.w + d.y, z.w + d.z);
+// Out of the lower (1) or upper (2) cutting plane.
+static flinear_vec3 flinear_flat_end(flinear_frustum f, int face) {
+    flinear_vec4 lower = f.lower, upper = f.upper;
+    return face == 1 ? flinear_make_vec3(lower.x, -1.0f, lower.y) : flinear_make_vec3(-upper.x, 1.0f, -upper.y);
 }
 
 // All about a place where a ray of the frame meets a frustum.
 static flinear_frustum_hit flinear_surface(flinear_frustum f, int frustum, flinear_vec3 p, int face) {
-    flinear_frustum_hit hit;
+    flinear_frustum_hit hit = flinear_no_frustum(0.0f);
     flinear_uvw at = flinear_locate(f, p);
-    flinear_normals n = flinear_find_normals(f, at);
     int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;
     hit.found = true;
-    hit.inside = false;
     hit.frustum = frustum;
     hit.user = f.more.z;
     hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam
-    hit.t = 0.0f;
     hit.position = flinear_place_out_of(f, p);
     hit.uvw = flinear_make_vec3(at.u, fminf(fmaxf(at.v, 0.0f), 1.0f), at.w);
-    hit.map = flinear_map_place(f, at.u, at.v);
-    hit.normal = n.shading;
-    hit.true_normal = n.plain;
+    flinear_normals n = flinear_find_normals(f, at);
+    hit.normal = n.plain;
     if (hit.cap != 0) {
-        flinear_vec4 lower = f.lower, upper = f.upper;
-        flinear_vec3 flat_end = face == 1 ? flinear_make_vec3(lower.x, -1.0f, lower.y) : flinear_make_vec3(-upper.x, 1.0f, -upper.y);
-        hit.normal = flinear_unit(flinear_out_of(f, flat_end));
-        hit.true_normal = hit.normal;
+        hit.normal = flinear_unit(flinear_out_of(f, flinear_flat_end(f, face)));
     }
     return hit;
 }
 
+// The place of the world, just outside the surface, that light is looked at from.
+static flinear_vec3 flinear_lift(flinear_frustum f, flinear_vec3 p, int cap) {
+    flinear_uvw at = flinear_locate(f, p);
+    float bias = 1e-5f * at.d + 3e-7f * (fabsf(f.axis_x.w) + fabsf(f.axis_y.w) + fabsf(f.axis_z.w) + f.extent.x);
+    float out_to = at.d;
+    if (at.thickness > 0.0f) {
+        float height = flinear_relief(f, at.u, at.v) + 1.0f / 4096.0f;
+        out_to = fmaxf(out_to, f.radii.x + f.radii.y * p.y + height * at.thickness);
+    }
+    out_to += bias;
+    if (cap == 0) p = flinear_make_vec3(at.sine * out_to, p.y, at.cosine * out_to);
+    else p = flinear_along(p, flinear_unit(flinear_flat_end(f, cap)), bias + 4e-6f * (f.extent.x + f.radii.x + f.radii.z));
+    return flinear_place_out_of(f, p);
+}
+
+// The direction to the light, and how far it is.
+static flinear_vec4 flinear_light_from(flinear_vec4 light, flinear_vec3 place) {
+    flinear_vec3 d = flinear_make_vec3(light.x, light.y, light.z);
+    if (light.w != 0.0f) d = flinear_along(d, place, -1.0f);
+    float way = sqrtf(flinear_dot(d, d));
+    return flinear_make_vec4(d.x / way, d.y / way, d.z / way, light.w != 0.0f ? way : 1e29f);
+}
+
+// Some direction at right angles to a unit vector.
+static flinear_vec3 flinear_side_of(flinear_vec3 n) {
+    return flinear_unit(fabsf(n.y) < 0.9f ? flinear_make_vec3(n.z, 0.0f, -n.x) : flinear_make_vec3(0.0f, n.z, -n.y));
+}
+
+static flinear_vec3 flinear_cross(flinear_vec3 a, flinear_vec3 b) {
+    return flinear_make_vec3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+
+// Point k of n that cover the unit disc evenly.
+static flinear_vec2 flinear_spread(int k, int n) {
+    float r = sqrtf(((float)(k) + 0.5f) / (float)(n)), angle = 2.39996323f * (float)(k);
+    return flinear_make_vec2(r * cosf(angle), r * sinf(angle));
+}
+
+// Does a ray of the world meet any of `count` frusta from `first`? For shadows.
+static bool flinear_any_frusta(int first, int count, flinear_vec3 origin, flinear_vec3 direction, float t_min, float t_max, flinear_detail detail) {
+    bool found = false;
+    for (int k = first; k < first + count && !found; ++k) {
+        flinear_frustum f = flinear_load(k);
+        found = flinear_meet(f, flinear_place_into(f, origin), flinear_into(f, direction), t_min, t_max, detail.cap).x <= t_max;
+    }
+    return found;
+}
+
+// The share of n rays that meet nothing: their directions are axis * along and a point of the disc times `wide`.
+static float flinear_free_rays(flinear_frusta_effects e, flinear_vec3 place, flinear_vec3 axis, float wide, bool dome, int n, float reach, flinear_detail detail) {
+    flinear_vec3 side = flinear_side_of(axis), other = flinear_cross(axis, side);
+    int clear = 0;
+    for (int k = 0; k < n; ++k) {
+        flinear_vec2 at = flinear_spread(k, n);
+        float up = dome ? sqrtf(1.0f - at.x * at.x - at.y * at.y) : 1.0f;
+        flinear_vec3 d = flinear_make_vec3(axis.x * up, axis.y * up, axis.z * up);
+        d = flinear_unit(flinear_along(flinear_along(d, side, wide * at.x), other, wide * at.y));
+        if (!flinear_any_frusta(e.first, e.count, place, d, 0.0f, reach, detail)) ++clear;
+    }
+    return (float)(clear) / (float)(n);
+}
+
+// What the effects tell of a hit.
+static flinear_frustum_hit flinear_finish(flinear_frusta_effects e, flinear_frustum_hit hit, flinear_frustum f, flinear_vec3 p, flinear_detail detail) {
+    hit.level = detail.level;
+    flinear_vec3 place = flinear_lift(f, p, hit.cap);
+    flinear_vec4 light = flinear_light_from(e.light, place);
+    float wide = e.light.w != 0.0f ? fminf(e.light_radius / light.w, 1.0f) : e.light_radius;
+    flinear_vec3 to_light = flinear_make_vec3(light.x, light.y, light.z);
+    hit.shadow = flinear_free_rays(e, place, to_light, wide, false, 16, light.w, detail);
+    float reach = e.sky_reach > 0.0f ? e.sky_reach : 1e29f;
+    hit.occlusion = flinear_free_rays(e, place, hit.normal, 1.0f, true, e.sky_directions, reach, detail);
+    return hit;
+}
+
 // The first hit of a ray of the world with `count` frusta from `first`.
-static flinear_frustum_hit flinear_trace_frusta(int first, int count, flinear_vec3 origin, flinear_vec3 direction, float t_min,
+static flinear_frustum_hit flinear_trace_frusta(flinear_frusta_effects e, int first, int count, flinear_vec3 origin, flinear_vec3 direction, float t_min,
                                            float t_max) {
     flinear_frustum_hit hit = flinear_no_frustum(t_max);
     float t = t_max;
     int nearest = -1, face = 0;
+    float growth = e.pixel * sqrtf(flinear_dot(direction, direction));
     for (int k = first; k < first + count; ++k) {
         flinear_frustum f = flinear_load(k);
-        flinear_vec2 met = flinear_meet(f, flinear_place_into(f, origin), flinear_into(f, direction), t_min, t);
+        flinear_vec3 o = flinear_place_into(f, origin), v = flinear_into(f, direction);
+        flinear_detail detail = flinear_detail_of(e, f, o, v, flinear_make_vec2(t_min, t), flinear_make_vec2(0.0f, growth));
+        flinear_vec2 met = flinear_meet(f, o, v, t_min, t, detail.cap);
         if (met.x < t || (nearest < 0 && met.x <= t)) {
             t = met.x;
             nearest = k;
@@ -454,10 +555,12 @@ static flinear_frustum_hit flinear_trace_frusta(int first, int count, flinear_ve
     }
     if (nearest >= 0) {
         flinear_frustum f = flinear_load(nearest);
-        flinear_vec3 p = flinear_along(flinear_place_into(f, origin), flinear_into(f, direction), t);
+        flinear_vec3 o = flinear_place_into(f, origin), v = flinear_into(f, direction), p = flinear_along(o, v, t);
+        flinear_detail detail = flinear_detail_of(e, f, o, v, flinear_make_vec2(t_min, t), flinear_make_vec2(0.0f, growth));
         hit = flinear_surface(f, nearest, p, face);
         hit.t = t;
         hit.inside = t <= t_min;
+        hit = flinear_finish(e, hit, f, p, detail);
     }
     return hit;
 }
@@ -465,23 +568,29 @@ static flinear_frustum_hit flinear_trace_frusta(int first, int count, flinear_ve
 // What a pixel sees of a frustum whose bounds were drawn there: `place` of the frame, from flinear_bounds; eye as
 // flinear_eye, (position, 1) or for parallel rays (direction, 0). Rays begin at the bounds, not at the eye: single
 // precision then holds however far the eye is.
-static flinear_frustum_hit flinear_see_frustum(int frustum, flinear_vec3 place, flinear_vec4 eye) {
+static flinear_frustum_hit flinear_see_frustum(flinear_frusta_effects e, int frustum, flinear_vec3 place, flinear_vec4 eye) {
     flinear_frustum f = flinear_load(frustum);
     flinear_frustum_hit hit = flinear_no_frustum(0.0f);
     flinear_vec3 v = flinear_into(f, flinear_make_vec3(eye.x, eye.y, eye.z));
     float back = 1e30f; // how far the ray begins before the place
+    flinear_vec2 pixel = flinear_make_vec2(e.pixel, 0.0f);
     if (eye.w != 0.0f) {
         flinear_vec3 from = flinear_place_into(f, flinear_make_vec3(eye.x, eye.y, eye.z));
         v = flinear_make_vec3(place.x - from.x, place.y - from.y, place.z - from.z);
         back = sqrtf(v.x * v.x + v.y * v.y + v.z * v.z);
+        flinear_vec3 seen = flinear_along(flinear_place_out_of(f, place), flinear_make_vec3(eye.x, eye.y, eye.z), -1.0f);
+        pixel = flinear_make_vec2(e.pixel * sqrtf(flinear_dot(seen, seen)), e.pixel * sqrtf(flinear_dot(seen, seen)) / back);
     }
     v = flinear_unit(v);
-    flinear_vec2 met = flinear_meet(f, place, v, -back, 1e30f);
+    flinear_detail detail = flinear_detail_of(e, f, place, v, flinear_make_vec2(-back, 1e30f), pixel);
+    flinear_vec2 met = flinear_meet(f, place, v, -back, 1e30f, detail.cap);
     if (met.x < 1e30f) {
-        hit = flinear_surface(f, frustum, flinear_along(place, v, met.x), (int)(met.y));
+        flinear_vec3 p = flinear_along(place, v, met.x);
+        hit = flinear_surface(f, frustum, p, (int)(met.y));
         flinear_vec3 way = flinear_make_vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);
         hit.t = eye.w != 0.0f ? sqrtf(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;
         hit.inside = met.x <= -back;
+        hit = flinear_finish(e, hit, f, p, detail);
     }
     return hit;
 }

@@ -227,9 +227,30 @@ static fplain_uvw fplain_locate(fplain_frustum f, fplain_vec3 p) {
     return at;
 }
 
+// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
+static fplain_vec3 fplain_out_of(fplain_frustum f, fplain_vec3 n) {
+    return fplain_make_vec3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
+                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
+                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
+}
+
+static fplain_vec3 fplain_place_out_of(fplain_frustum f, fplain_vec3 p) {
+    fplain_vec4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
+    fplain_vec3 d = fplain_out_of(f, fplain_make_vec3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
+                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
+                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
+    return fplain_make_vec3(x.w + d.x, y.w + d.y, z.w + d.z);
+}
+
+// The map's u and v, not wrapped.
+static fplain_vec2 fplain_map_place(fplain_frustum f, float u, float v) {
+    float clamped = fminf(fmaxf(v, 0.0f), 1.0f);
+    return fplain_make_vec2((u + clamped * f.extent.w) * (float)(f.more.y), f.extent.y + clamped * f.extent.z);
+}
+
 typedef struct fplain_normals { // in the world, units
-    fplain_vec3 shading, plain; // continuous across joints; of the surface as it is
-    float away; // how far the place is outside the surface, in the world's units
+    fplain_vec3 shading; // continuous across joints
+    fplain_vec3 plain; // of the surface as it is
 } fplain_normals;
 
 static fplain_vec3 fplain_unit(fplain_vec3 n) {
@@ -251,64 +272,43 @@ static fplain_vec3 fplain_end_normal(fplain_frustum f, fplain_vec4 plane, fplain
     return fplain_unit(fplain_make_vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
 }
 
-// A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
-static fplain_vec3 fplain_out_of(fplain_frustum f, fplain_vec3 n) {
-    return fplain_make_vec3(f.axis_x.x * n.x + f.axis_y.x * n.y + f.axis_z.x * n.z,
-                f.axis_x.y * n.x + f.axis_y.y * n.y + f.axis_z.y * n.z,
-                f.axis_x.z * n.x + f.axis_y.z * n.y + f.axis_z.z * n.z);
-}
-
 static fplain_normals fplain_find_normals(fplain_frustum f, fplain_uvw at) {
-    fplain_vec3 low = fplain_end_normal(f, f.lower, at, 0.0f), high = fplain_end_normal(f, f.upper, at, f.extent.x);
-    float m = fminf(fmaxf(at.v, 0.0f), 1.0f), l = 1.0f, height = 4.00000006e-1f;
-    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1
-    l = 1.0f - m;
-    fplain_vec3 smoothed = fplain_unit(fplain_make_vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
     fplain_vec3 grad_w = fplain_make_vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness
-    float steep = sqrtf(1.0f + at.cone.y * at.cone.y);
+    fplain_vec3 low = fplain_end_normal(f, f.lower, at, 0.0f), high = fplain_end_normal(f, f.upper, at, f.extent.x);
+    float m = fminf(fmaxf(at.v, 0.0f), 1.0f), steep = sqrtf(1.0f + at.cone.y * at.cone.y);
+    if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1
+    float l = 1.0f - m;
+    fplain_vec3 smoothed = fplain_unit(fplain_make_vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));
     smoothed = fplain_make_vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);
     fplain_normals n;
     n.shading = fplain_unit(fplain_out_of(f, smoothed));
     n.plain = fplain_unit(fplain_out_of(f, grad_w));
-    n.away = at.thickness > 0.0f ? (at.w - height) * at.thickness : at.w;
     return n;
 }
 
-static fplain_vec3 fplain_place_out_of(fplain_frustum f, fplain_vec3 p) {
-    fplain_vec4 x = f.axis_x, y = f.axis_y, z = f.axis_z;
-    fplain_vec3 d = fplain_out_of(f, fplain_make_vec3(p.x / (x.x * x.x + x.y * x.y + x.z * x.z),
-                                    p.y / (y.x * y.x + y.y * y.y + y.z * y.z),
-                                    p.z / (z.x * z.x + z.y * z.y + z.z * z.z)));
-    return fplain_make_vec3(x.w + d.x, y.w + d.y, z.w + d.z);
-}
-
-// The map's u and v, not wrapped.
-static fplain_vec2 fplain_map_place(fplain_frustum f, float u, float v) {
-    float clamped = fminf(fmaxf(v, 0.0f), 1.0f);
-    return fplain_make_vec2((u + clamped * f.extent.w) * (float)(f.more.y), f.extent.y + clamped * f.extent.z);
+// Out of the lower (1) or upper (2) cutting plane.
+static fplain_vec3 fplain_flat_end(fplain_frustum f, int face) {
+    fplain_vec4 lower = f.lower, upper = f.upper;
+    return face == 1 ? fplain_make_vec3(lower.x, -1.0f, lower.y) : fplain_make_vec3(-upper.x, 1.0f, -upper.y);
 }
 
 // All about a place where a ray of the frame meets a frustum.
 static fplain_frustum_hit fplain_surface(fplain_frustum f, int frustum, fplain_vec3 p, int face) {
-    fplain_frustum_hit hit;
+    fplain_frustum_hit hit = fplain_no_frustum(0.0f);
     fplain_uvw at = fplain_locate(f, p);
-    fplain_normals n = fplain_find_normals(f, at);
     int free_ends = face == 1 ? 1 + 2 + 8 : face == 2 ? 4 + 16 : 0;
     hit.found = true;
-    hit.inside = false;
     hit.frustum = frustum;
     hit.user = f.more.z;
     hit.cap = (f.more.x & free_ends) != 0 ? face : 0; // elsewhere a plane that shows is the rounding of a seam
-    hit.t = 0.0f;
     hit.position = fplain_place_out_of(f, p);
     hit.uvw = fplain_make_vec3(at.u, fminf(fmaxf(at.v, 0.0f), 1.0f), at.w);
     hit.map = fplain_map_place(f, at.u, at.v);
+    fplain_normals n = fplain_find_normals(f, at);
     hit.normal = n.shading;
     hit.true_normal = n.plain;
     if (hit.cap != 0) {
-        fplain_vec4 lower = f.lower, upper = f.upper;
-        fplain_vec3 flat_end = face == 1 ? fplain_make_vec3(lower.x, -1.0f, lower.y) : fplain_make_vec3(-upper.x, 1.0f, -upper.y);
-        hit.normal = fplain_unit(fplain_out_of(f, flat_end));
+        hit.normal = fplain_unit(fplain_out_of(f, fplain_flat_end(f, face)));
         hit.true_normal = hit.normal;
     }
     return hit;

@@ -1,6 +1,6 @@
 /* Emitted frusta on a software GPU (Mesa, surfaceless EGL): models of examples/tree.c drawn depth-tested through the
    emitted shaders, against the same pictures by the CPU. Exits with 77 where there is no such GPU.
-   frusta_gl [FOLDER]: also writes the pictures there. */
+   frusta_gl [FOLDER [effects]]: also writes the pictures there; only those of effects. */
 #define main tree_main
 #include "../../examples/tree.c"
 #undef main
@@ -147,13 +147,33 @@ struct run {
     const char *name;
     conemap_frusta_shader_desc desc;
     int parallel, front; /* front: the other winding is culled */
+    const conemap_effects *effects;
+    float pixel;
 };
+
+/* Effects as the shader's uniforms; those that it does not have are not there. */
+static void set_effects(GLuint p, const conemap_effects *e, float pixel, int count) {
+    gl.Uniform4f(gl.GetUniformLocation(p, "conemap_settings.light"), e->light[0], e->light[1], e->light[2],
+                 e->light_is_point ? 1.0f : 0.0f);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_settings.first"), 0);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_settings.count"), count);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.light_radius"), e->light_radius);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.sky_reach"), e->sky_reach);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_settings.sky_directions"), e->sky_directions);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.pixel"), pixel);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.lod_bias"), e->lod_bias);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_settings.lod_steps"), e->lod_steps);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.fade_begin"), e->fade_begin);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.fade_end"), e->fade_end);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_colors"), 3);
+}
 
 static void draw_layer(const struct scene *scene, const struct layer *layer, const struct run *r,
                        const struct view *view) {
     static char text[131072], whole[131072 + 4096];
     conemap_frusta_shader_desc d = r->desc;
     GLuint names[2], p, buffer, frusta, map = 0;
+    const char *shade = r->desc.flags ? NULL : "host_shade";
     GLint at;
     float m[16];
     const int old = d.dialect == CONEMAP_GLSL_330 || d.dialect == CONEMAP_ESSL_300;
@@ -165,7 +185,7 @@ static void draw_layer(const struct scene *scene, const struct layer *layer, con
     d.uniform_count = layer->skeleton.count < 455 ? layer->skeleton.count : 455;
     for (int k = 0; k < 2; ++k) {
         d.stage = k ? CONEMAP_FRUSTA_FRAGMENT : CONEMAP_FRUSTA_VERTEX;
-        d.shade = k ? "host_shade" : NULL;
+        d.shade = k ? shade : NULL;
         if (!k && !old) d.binding = 2; /* no map there */
         if (k && !old) d.binding = 2 - d.relief;
         conemap_result result = conemap_emit_frusta(&d, text, sizeof text, NULL);
@@ -173,7 +193,7 @@ static void draw_layer(const struct scene *scene, const struct layer *layer, con
             wrong("%s: %s", r->name, conemap_result_string(result));
             exit(1);
         }
-        sprintf(whole, "%s%s", text, k ? host_shade : "");
+        sprintf(whole, "%s%s", text, k && shade ? host_shade : "");
         names[k] = shader(k ? GL_FRAGMENT_SHADER : GL_VERTEX_SHADER, whole);
     }
     p = program(names[0], names[1]);
@@ -205,6 +225,7 @@ static void draw_layer(const struct scene *scene, const struct layer *layer, con
     gl.Uniform3f(gl.GetUniformLocation(p, "host_deep"), layer->deep.x, layer->deep.y, layer->deep.z);
     gl.Uniform3f(gl.GetUniformLocation(p, "host_sun"), scene->sun.x, scene->sun.y, scene->sun.z);
     gl.Uniform1i(gl.GetUniformLocation(p, "host_plain"), layer->relief == SMOOTH);
+    if (d.flags) set_effects(p, r->effects, r->pixel, layer->skeleton.count);
     for (int k = 0; k < layer->skeleton.count; k += 1000) { /* in pieces, for conemap_first */
         int count = layer->skeleton.count - k < 1000 ? layer->skeleton.count - k : 1000;
         gl.Uniform1i(gl.GetUniformLocation(p, "conemap_first"), k);
@@ -316,18 +337,158 @@ static void compare(const struct scene *scene, const char *model, const struct r
     free(gpu);
 }
 
-/* A colour and a depth target for a context. */
-static void targets(int width, int height) {
-    GLuint frame, color = texture(width, height, GL_RGBA32F, GL_RGBA, GL_FLOAT, GL_NEAREST, NULL);
-    GLuint depth = texture(width, height, GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT, GL_FLOAT, GL_NEAREST, NULL);
+/* Colour targets and a depth target for a context. */
+static void targets(int width, int height, int count) {
+    GLenum buffers[5];
+    GLuint frame, depth;
+    gl.ActiveTexture(GL_TEXTURE0);
+    depth = texture(width, height, GL_DEPTH_COMPONENT32F, GL_DEPTH_COMPONENT, GL_FLOAT, GL_NEAREST, NULL);
     gl.GenFramebuffers(1, &frame);
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
-    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, color, 0);
+    for (int k = 0; k < count; ++k) {
+        GLuint color = texture(width, height, GL_RGBA32F, GL_RGBA, GL_FLOAT, GL_NEAREST, NULL);
+        buffers[k] = GL_COLOR_ATTACHMENT0 + (GLenum)k;
+        gl.FramebufferTexture2D(GL_FRAMEBUFFER, buffers[k], GL_TEXTURE_2D, color, 0);
+    }
+    gl.DrawBuffers(count, buffers);
     gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth, 0);
     if (gl.CheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
         printf("no float targets\n");
         exit(77);
     }
+}
+
+static struct run fresh(const char *name, conemap_dialect dialect, conemap_frusta_source source) {
+    struct run r;
+    memset(&r, 0, sizeof r);
+    r.name = name;
+    r.desc.dialect = dialect;
+    r.desc.source = source;
+    return r;
+}
+
+/* ---- effects: what they tell of each pixel ------------------------------------------------------------------------- */
+
+/* A texture whose every level holds its own number, so that a colour says which levels a gradient asks for. */
+static void level_texture(void) {
+    static float pixels[64 * 64];
+    GLuint name;
+    gl.ActiveTexture(GL_TEXTURE3);
+    gl.GenTextures(1, &name);
+    gl.BindTexture(GL_TEXTURE_2D, name);
+    for (int level = 0; level < 7; ++level) {
+        for (int k = 0; k < 64 * 64; ++k) pixels[k] = (float)level;
+        gl.TexImage2D(GL_TEXTURE_2D, level, GL_R32F, 64 >> level, 64 >> level, 0, GL_RED, GL_FLOAT, pixels);
+    }
+    gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
+}
+
+static float level_of(const conemap_gradient *g) {
+    float a = sqrtf(g->dudx * g->dudx + g->dvdx * g->dvdx), b = sqrtf(g->dudy * g->dudy + g->dvdy * g->dvdy);
+    float level = log2f(64 * (a > b ? a : b));
+    return level < 0 ? 0 : level > 6 ? 6 : level;
+}
+
+enum { SMALL_WIDTH = 96, SMALL_HEIGHT = 72, SMALL = SMALL_WIDTH * SMALL_HEIGHT };
+
+static int apart(const float *a, const float *b, int count, float tolerance) {
+    for (int k = 0; k < count; ++k)
+        if (!(fabsf(a[k] - b[k]) <= tolerance)) return 1;
+    return 0;
+}
+
+/* A small picture by both with some effects. Depth is always among them, as bounds overlap. */
+static void compare_effects(const struct scene *scene, unsigned flags, int *pixels, const char *folder) {
+    static float told[5][SMALL * 4], none[4] = {-1, 0, 0, 0};
+    const struct layer *layer = &scene->layers[0];
+    const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_SKY;
+    const unsigned lights = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY;
+    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    struct view view = view_of(scene, SMALL_WIDTH, SMALL_HEIGHT, 0);
+    conemap_skeleton_trace_desc trace;
+    conemap_effects e;
+    struct run r = fresh("effects", CONEMAP_GLSL_430, CONEMAP_FRUSTA_BUFFER);
+    struct scene one = *scene;
+    int hits = 0, others = 0, turned = 0, dark = 0, closed = 0, levels = 0, numbers = 0, last = 0;
+    float m[16], projected[16];
+    memset(&e, 0, sizeof e);
+    memset(&trace, 0, sizeof trace);
+    flags |= CONEMAP_EFFECT_DEPTH;
+    e.flags = flags;
+    e.light[0] = scene->sun.x;
+    e.light[1] = scene->sun.y;
+    e.light[2] = scene->sun.z;
+    e.light_radius = 0.2f;
+    e.sky_directions = 6;
+    e.lod_steps = 100;
+    e.fade_begin = 3;
+    e.fade_end = 0.5f;
+    projection(&view, m);
+    for (int k = 0; k < 16; ++k) projected[k] = m[k];
+    e.view_projection = projected;
+    e.depth_range = CONEMAP_DEPTH_MINUS_ONE_TO_ONE;
+    trace.map = &layer->map;
+    r.desc.flags = flags;
+    r.effects = &e;
+    r.pixel = 2 * 0.42f / SMALL_HEIGHT;
+    one.layer_count = 1;
+    for (int k = 0; k < 5; ++k) gl.ClearBufferfv(GL_COLOR, k, none);
+    gl.Clear(GL_DEPTH_BUFFER_BIT);
+    draw_layer(&one, layer, &r, &view);
+    last = 0;
+    for (int k = 0; k < 5; ++k) { /* those that are asked for, in this order */
+        const unsigned asked[5] = {~0u, CONEMAP_EFFECT_POSITION, normals, CONEMAP_EFFECT_UV, lights | skies | far_away};
+        if (!(flags & asked[k])) continue;
+        gl.ReadBuffer(GL_COLOR_ATTACHMENT0 + (GLenum)last++);
+        gl.ReadPixels(0, 0, SMALL_WIDTH, SMALL_HEIGHT, GL_RGBA, GL_FLOAT, told[k]);
+    }
+    for (int k = 0; k < SMALL; ++k) {
+        const int x = k % SMALL_WIDTH, y = SMALL_HEIGHT - 1 - k / SMALL_WIDTH;
+        const conemap_ray ray = pixel_ray(&view, (float)x + 0.5f, (float)y + 0.5f);
+        const float *at = told[0] + 4 * k;
+        conemap_skeleton_hit hit;
+        conemap_shading s;
+        memset(&s, 0, sizeof s);
+        if (conemap_skeleton_shade(&layer->skeleton, &trace, &e, r.pixel, &ray, &hit, &s, 1) != CONEMAP_OK) wrong("shade");
+        if ((hit.status == CONEMAP_HIT) != (at[0] >= 0) || (at[0] >= 0 && fabsf(hit.t - at[3]) > 2e-3f)) {
+            ++others;
+            continue;
+        }
+        if (hit.status != CONEMAP_HIT) continue;
+        ++hits;
+        numbers += (flags & CONEMAP_EFFECT_POSITION) && apart(told[1] + 4 * k, s.position, 3, 2e-3f);
+        if (flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL)) turned += apart(told[2] + 4 * k, s.normal, 3, 0.02f);
+        if (flags & CONEMAP_EFFECT_UV) levels += fabsf(told[3][4 * k] - level_of(&s.gradient)) > 0.6f;
+        if (flags & lights) dark += fabsf(told[4][4 * k] - s.shadow) > 0.07f;
+        if (flags & skies) closed += fabsf(told[4][4 * k + 1] - s.occlusion) > 0.02f;
+        if (flags & CONEMAP_EFFECT_LOD) numbers += fabsf(told[4][4 * k + 2] - s.level) > 0.01f;
+        if (flags & CONEMAP_EFFECT_FADE) numbers += fabsf(told[4][4 * k + 3] - s.fade) > 0.01f;
+    }
+    *pixels += hits;
+    if (folder) { /* normal, shadow and occlusion as grey, levels of colour and fading */
+        static unsigned char sheet[SMALL * 4 * 3];
+        char name[64];
+        for (int k = 0; k < SMALL * 4; ++k) {
+            const int part = k / SMALL_WIDTH % 4, x = k % SMALL_WIDTH, y = SMALL_HEIGHT - 1 - k / SMALL_WIDTH / 4;
+            const int at = 4 * (y * SMALL_WIDTH + x);
+            for (int c = 0; c < 3 && told[0][at] >= 0; ++c) {
+                float v = part == 0   ? 0.5f + 0.5f * told[2][at + c]
+                          : part == 1 ? told[4][at]
+                          : part == 2 ? told[4][at + 1]
+                          : c == 0    ? told[3][at] / 6
+                                      : told[4][at + 3];
+                sheet[3 * k + c] = (unsigned char)(255 * (v < 0 ? 0 : v > 1 ? 1 : v));
+            }
+            if (told[0][at] < 0) memset(sheet + 3 * k, 90, 3);
+        }
+        snprintf(name, sizeof name, "effects-%x", flags);
+        save(folder, name, sheet, SMALL_WIDTH * 4, SMALL_HEIGHT);
+    }
+    if (hits < SMALL / 50 || others * 50 > hits || turned * 50 > hits || dark * 50 > hits || closed * 50 > hits ||
+        levels * 50 > hits || numbers * 50 > hits)
+        wrong("effects %x: of %d hits %d are others, %d normals, %d shadows, %d skies, %d levels of colour, %d numbers", flags,
+              hits, others, turned, dark, closed, levels, numbers);
 }
 
 static int make_scene(const char *model, struct scene *scene) {
@@ -341,13 +502,38 @@ static int make_scene(const char *model, struct scene *scene) {
     return good;
 }
 
-static struct run fresh(const char *name, conemap_dialect dialect, conemap_frusta_source source) {
-    struct run r;
-    memset(&r, 0, sizeof r);
-    r.name = name;
-    r.desc.dialect = dialect;
-    r.desc.source = source;
-    return r;
+/* Every effect, pairs of them, and two sets that have all. */
+static void effects(const char *folder) {
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
+    const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
+    const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY, all = CONEMAP_EFFECT_ALL_BITS & ~never;
+    /* Pairs of these are not run: depth is always there, and the others touch nothing that another reads. */
+    const unsigned quiet = CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_TWO_SIDED;
+    struct scene scene;
+    int pixels = 0, sets = 0;
+    if (!make_scene("saguaro", &scene)) return;
+    scene.eye = add(scene.target, add(scene.eye, scene.target, -1), 0.45f); /* nearer by */
+    context(0);
+    targets(SMALL_WIDTH, SMALL_HEIGHT, 5);
+    level_texture();
+    gl.Viewport(0, 0, SMALL_WIDTH, SMALL_HEIGHT);
+    gl.Enable(GL_DEPTH_TEST);
+    gl.Enable(GL_CULL_FACE);
+    gl.CullFace(GL_FRONT);
+    for (int a = 0; a < 15; ++a)
+        for (int b = 0; b <= a; ++b) {
+            unsigned flags = 1u << a | 1u << b;
+            if (a != b && (flags & quiet)) continue;
+            if ((flags & never) || (flags & normals) == normals || (flags & shadows) == shadows || (flags & skies) == skies)
+                continue;
+            compare_effects(&scene, flags, &pixels, NULL);
+            ++sets;
+        }
+    compare_effects(&scene, all & ~(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY), &pixels, folder);
+    compare_effects(&scene, all & ~(CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION), &pixels,
+                    folder);
+    printf("frusta: %d sets of effects, %d pixels like the CPU's\n", sets + 2, pixels);
 }
 
 int main(int argc, char **argv) {
@@ -364,7 +550,12 @@ int main(int argc, char **argv) {
         {"ES 310, uniforms", CONEMAP_ESSL_310, CONEMAP_FRUSTA_UNIFORMS},
         {"ES 310, buffer", CONEMAP_ESSL_310, CONEMAP_FRUSTA_BUFFER},
     };
+    static const char *const names[] = {"elm", "well", "aloe", "desert", "cacti", "coconut", "pine", "oasis"};
     const char *folder = argc > 1 ? argv[1] : NULL;
+    if (argc > 2) {
+        effects(folder);
+        return failures != 0;
+    }
     struct scene scene;
     int es = -1;
     program_name = "frusta_gl";
@@ -374,12 +565,12 @@ int main(int argc, char **argv) {
         if (es != (ways[k].dialect >= CONEMAP_ESSL_300)) {
             es = ways[k].dialect >= CONEMAP_ESSL_300;
             context(es);
-            targets(400, 300);
+            targets(400, 300, 1);
         }
         compare(&scene, "saguaro", &r, 160, 120, NULL);
     }
     context(0);
-    targets(400, 300);
+    targets(400, 300, 1);
     for (int k = 0; k < 4; ++k) {
         struct run r = fresh("", CONEMAP_GLSL_430, CONEMAP_FRUSTA_BUFFER);
         r.name = k == 0 ? "gathered" : k == 1 ? "parallel rays" : k == 2 ? "front faces" : "*";
@@ -388,10 +579,10 @@ int main(int argc, char **argv) {
         r.front = k == 2;
         compare(&scene, "saguaro", &r, k < 3 ? 160 : 400, k < 3 ? 120 : 300, folder);
     }
-    for (int k = 0; k < 3; ++k) {
-        static const char *const names[] = {"elm", "well", "aloe"};
+    for (int k = 0; k < (int)(sizeof names / sizeof names[0]); ++k) {
         struct run r = fresh("*", CONEMAP_GLSL_430, CONEMAP_FRUSTA_BUFFER);
-        if (make_scene(names[k], &scene)) compare(&scene, names[k], &r, 400, 300, folder);
+        if (make_scene(names[k], &scene)) compare(&scene, names[k], &r, k < 3 ? 320 : 200, k < 3 ? 240 : 150, folder);
     }
+    effects(folder);
     return failures != 0;
 }

@@ -1,5 +1,6 @@
-/* Writes the emitted frusta for the compilers:  frusta_variants DIALECT FOLDER [random count]
-   Every value of every option, every pair of two, and a seeded random sample; equal texts once. What the emitter refuses
+/* Writes the emitted frusta for the compilers:  frusta_variants DIALECT FOLDER [six times the random count]
+   Every value of every option, every pair of two, and a seeded random sample; every effect in functions, every pair of
+   effects in fragment shaders; equal texts once. What the emitter refuses
    is skipped; the count of each is printed. Functions get what a host adds around them. */
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
@@ -12,8 +13,14 @@ static const struct option options[] = {
     {"wrap_v", 2},    {"guarantee", 2},  {"aspect", 2},      {"size", 2},   {"filter", 3}, {"height", 2},
     {"any", 2},       {"blend", 2},      {"shade", 2},       {"depth", 2},  {"zero", 2},   {"names", 2},
     {"binding", 2},   {"set", 2},        {"fetch", 2},       {"fetch_frusta", 2},
+    {"bound", 3},     {"effects", 5}, /* the last */
 };
 enum { OPTIONS = sizeof options / sizeof options[0] };
+
+/* Of the last option: none, all but those that another is instead of, those, some. */
+static const unsigned effects_of[5] = {0, 0x5778, 0x68f8, CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE,
+                                       CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_UV};
+static unsigned chosen_effects; /* not 0: instead of the option's */
 
 static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const int *choice)
 {
@@ -62,6 +69,9 @@ static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const i
         d->map.height = 100;
     }
     if (choice[k++] || dialect == CONEMAP_C99) d->fetch_frusta = "host_rows";
+    d->depth_bound = (conemap_depth_bound)choice[k++];
+    d->flags = chosen_effects ? chosen_effects : effects_of[choice[k++]];
+    if (!d->relief) d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION);
 }
 
 /* What a host writes around functions, and the functions that it was asked for. */
@@ -71,6 +81,8 @@ static void wrap(const conemap_frusta_shader_desc *d)
     const int cones = strstr(text, "by cone steps") != NULL, vulkan = d->dialect == CONEMAP_GLSL_450_VULKAN;
     const char *prefix = d->prefix ? d->prefix : "conemap";
     const char *vec2 = hlsl ? "float2" : "vec2", *vec3 = hlsl ? "float3" : "vec3", *vec4 = hlsl ? "float4" : "vec4";
+    const int effects = d->stage == CONEMAP_FRUSTA_FUNCTIONS && strstr(text, "frusta_effects e") != NULL;
+    const char *e = effects ? "host_effects, " : "";
     char *at = whole;
     whole[0] = 0;
     if (d->stage == CONEMAP_FRUSTA_FUNCTIONS && !hlsl && !c) at += sprintf(at, "#version %s\n", versions[d->dialect]);
@@ -79,20 +91,29 @@ static void wrap(const conemap_frusta_shader_desc *d)
         if (c) {
             at += sprintf(at, "int host(int k, %s_vec3 o, %s_vec4 e);\nint host(int k, %s_vec3 o, %s_vec4 e) {\n", prefix,
                           prefix, prefix, prefix);
+            if (effects) at += sprintf(at, "    static const %s_frusta_effects host_effects;\n", prefix);
             if (d->any_hit)
                 at += sprintf(at, "    (void)e;\n    return %s_any_frusta(0, k, o, %s_bounds(k, 0), 0.0f, 1.0f);\n}\n",
                               prefix, prefix);
             else
                 at += sprintf(at,
-                              "    return %s_trace_frusta(0, k, o, %s_bounds(k, 0), 0.0f, 1.0f).found +\n           "
-                              "%s_see_frustum(k, o, e).found;\n}\n",
-                              prefix, prefix, prefix);
+                              "    return %s_trace_frusta(%s0, k, o, %s_bounds(k, 0), 0.0f, 1.0f).found +\n           "
+                              "%s_see_frustum(%sk, o, e).found;\n}\n",
+                              prefix, e, prefix, prefix, e);
         } else {
             char call[600];
             const char *place = hlsl ? "place" : "host_place";
-            sprintf(call, "%s_%s_frusta(0, 5, %s.xyz, %s_bounds(2, 7), 0.0, 9.0)%s", prefix,
-                    d->any_hit ? "any" : "trace", place, prefix, d->any_hit ? "" : ".found");
-            if (!d->any_hit) sprintf(call + strlen(call), " || %s_see_frustum(1, %s.xyz, %s).found", prefix, place, place);
+            sprintf(call, "%s_%s_frusta(%s0, 5, %s.xyz, %s_bounds(2, 7), 0.0, 9.0)%s", prefix,
+                    d->any_hit ? "any" : "trace", e, place, prefix, d->any_hit ? "" : ".found");
+            if (!d->any_hit)
+                sprintf(call + strlen(call), " || %s_see_frustum(%s1, %s.xyz, %s).found", prefix, e, place, place);
+            if (effects && hlsl)
+                at += sprintf(at, "cbuffer host_settings : register(b9) {\n    %s_frusta_effects host_effects;\n};\n", prefix);
+            else if (effects && vulkan)
+                at += sprintf(at, "layout(set = 3, binding = 9) uniform host_settings {\n    %s_frusta_effects host_effects;\n};\n",
+                              prefix);
+            else if (effects)
+                at += sprintf(at, "uniform %s_frusta_effects host_effects;\n", prefix);
             if (hlsl)
                 at += sprintf(at, "float4 main(float4 place : TEXCOORD0) : SV_Target {\n    return %s ? 1.0 : 0.0;\n}\n",
                               call);
@@ -104,7 +125,7 @@ static void wrap(const conemap_frusta_shader_desc *d)
         }
     }
     if (d->shade)
-        at += sprintf(at, "%s host_shade(%s_frustum_hit hit) {\n    return %s(hit.normal, 1.0);\n}\n", vec4, prefix, vec4);
+        at += sprintf(at, "%s host_shade(%s_frustum_hit hit) {\n    return %s(hit.position, 1.0);\n}\n", vec4, prefix, vec4);
     if (d->fetch && d->relief) {
         if (c && cones)
             at += sprintf(at, "%s_vec2 host_fetch(int i, int j) {\n    %s_vec2 v;\n    v.x = v.y = (float)(i + j);\n    "
@@ -143,10 +164,17 @@ static void variant(conemap_dialect dialect, const int *choice)
 
 int main(int argument_count, char **arguments)
 {
-    int choice[OPTIONS], sample, dialect = read_arguments(argument_count, arguments, &sample);
+    int choice[OPTIONS], sample, a, b, dialect = read_arguments(argument_count, arguments, &sample);
     struct zoo_random random = zoo_seed(2027);
     if (dialect == DIALECT_COUNT) return 1;
-    write_choices((conemap_dialect)dialect, options, OPTIONS, choice, sample, &random, variant);
+    write_choices((conemap_dialect)dialect, options, OPTIONS, choice, sample / 6, &random, variant);
+    memset(choice, 0, sizeof choice);
+    for (choice[0] = 0; choice[0] < 3; choice[0] += 2) /* the stage */
+        for (a = 0; a < 15; ++a)
+            for (b = choice[0] ? 0 : a; b <= a; ++b) {
+                chosen_effects = 1u << a | 1u << b;
+                variant((conemap_dialect)dialect, choice);
+            }
     printf("frusta, %s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
