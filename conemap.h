@@ -1045,9 +1045,15 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend`
    can mix with the parent's. Which is which is settled by the joints as built, and stays.
 
-   Limits. At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]; see fit_steps),
-   and u agrees exactly at u = 0 alone; elsewhere it is off by about taper times bend (in the tests, with segments that
-   halve their radius and bends of 20 degrees, 0.026 turns at most). Bends beyond 140 degrees, and
+   At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]): `fit` makes them one
+   ellipse. The angles around the two axes agree on all of a cut only if it is the bisecting plane through the joint,
+   which the cut of tapered segments cannot be. Else they differ as tan(angle1 / 2) = m tan(angle2 / 2), which has its
+   extremes to both sides, so no turn of the texture can leave less than the least rotation from axis to axis does: that
+   is how u is carried on, in place of [BJCW09 section 2.3]'s single aligned point, with half its error. With `exact_u`
+   u is the eccentric anomaly of the two cuts' ellipses instead of the angle, mixed by v, and both sides agree in it:
+   exactly where they share an ellipse, so at relative height 0 of fitted joints.
+
+   Limits. Bends beyond 140 degrees, and
    segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
    a crease, which `blend` hides from the light but not from the outline. Cross-sections are round.
    ====================================================================================================== */
@@ -1075,7 +1081,8 @@ enum { /* conemap_frustum.flags */
     CONEMAP_FRUSTUM_TIP = 4,     /* the top ends freely */
     CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend */
     CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* is too sharp or the planes would meet inside: the joint may show a notch */
-    CONEMAP_FRUSTUM_C1 = 32      /* conemap_skeleton_desc.c1_normals */
+    CONEMAP_FRUSTUM_C1 = 32,     /* conemap_skeleton_desc.c1_normals */
+    CONEMAP_FRUSTUM_EXACT_U = 64 /* conemap_skeleton_desc.exact_u */
 };
 
 /* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point
@@ -1107,8 +1114,9 @@ typedef struct conemap_skeleton_desc {
     int joint_count;
     const conemap_segment *segments; /* read during the call; parents may come in any order */
     int segment_count;      /* 1 or more */
-    int fit_steps;          /* rounds of [BJCW09 section 2.2]'s fit, which changes a segment's base radius until the
-                               minor axes of the two cuts agree; 0: none. Up to 64 */
+    int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at most,
+                               so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
@@ -1135,7 +1143,7 @@ typedef struct conemap_skeleton {
         void *memory;
         int owns_memory;
         conemap_allocator allocator;
-        int joint_count, fit_steps, slope_normals, nodes;
+        int joint_count, fit, slope_normals, nodes;
         float blend;
         conemap_frustum *frusta;
         struct conemap__bone *bones;
@@ -10883,6 +10891,33 @@ static void conemap__turn(double turns, double *sine, double *cosine) {
     *cosine = c;
 }
 
+/* u of frusta with CONEMAP_FRUSTUM_EXACT_U. Seen along the axis the inner cone's cut is an ellipse d = p / (1 - e
+   cos(angle)) around its focus, e = k n with n the plane's slope. Its eccentric anomaly E belongs to the ellipse alone,
+   so another cone on the same ellipse counts the same, around whatever axis. tan(E / 2) = sqrt((1 + e) / (1 - e))
+   tan(angle / 2): with unit vectors as complex numbers, E = (z - b) / (1 - conj(b) z) = conj(z) (z - b)^2 / |z - b|^2,
+   where b points up the plane and is e / (1 + sqrt(1 - e^2)) long. From one cut to the other b goes linearly with v: */
+static void conemap__focus(const conemap_frustum *f, double v, double b[2]) {
+    double k = (double)f->k;
+    int side;
+    b[0] = b[1] = 0.0;
+    for (side = 0; side < 2; ++side) {
+        double x = (double)(side ? f->upper : f->lower)[0], z = (double)(side ? f->upper : f->lower)[1];
+        double rest = 1.0 - k * k * (x * x + z * z);
+        double share = (side ? v : 1.0 - v) * k / (1.0 + (rest > 0.0 ? sqrt(rest) : 0.0));
+        b[0] += share * x;
+        b[1] += share * z;
+    }
+}
+
+/* E of an angle for b, both as vectors (x, z); and with -b the angle of an E. */
+static void conemap__label(double bx, double bz, double *sine, double *cosine) {
+    double gx = *sine - bx, gz = *cosine - bz, g2 = gx * gx + gz * gz, along;
+    if (!(g2 > 0.0)) return;
+    along = 2.0 * (*sine * gx + *cosine * gz) / g2;
+    *sine = along * gx - *sine;
+    *cosine = along * gz - *cosine;
+}
+
 static void conemap__to_local(const conemap_frustum *f, const double *p, double *out) {
     double q[3];
     q[0] = p[0] - (double)f->axis_x[3];
@@ -11025,6 +11060,16 @@ static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, con
     return *t0 <= *t1;
 }
 
+/* u of a place whose angle and v are known. */
+static double conemap__turns_of(const conemap_frustum *f, const conemap__place_uvw *at) {
+    double sine = at->sine, cosine = at->cosine, b[2];
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        conemap__focus(f, conemap__clamp01(at->v), b);
+        conemap__label(b[0], b[1], &sine, &cosine);
+    }
+    return conemap__turns(sine, cosine);
+}
+
 /* u, v and w of a point [BJCW09 eqs. 6, 7, 11, 12]: w from the radii at the point's y, then v on the cone of the
    shell that the point lies on. Where there is no shell, w is the distance from the surface along the radius and v
    that of the surface. */
@@ -11042,7 +11087,7 @@ static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p
     at.lower = conemap__cut_y(f->lower, (double)f->lower[0] * at.sine + (double)f->lower[1] * at.cosine, at.own);
     at.upper = conemap__cut_y(f->upper, (double)f->upper[0] * at.sine + (double)f->upper[1] * at.cosine, at.own);
     at.v = at.upper != at.lower ? (p[1] - at.lower) / (at.upper - at.lower) : 0.0;
-    at.u = conemap__turns(at.sine, at.cosine);
+    at.u = conemap__turns_of(f, &at);
     return at;
 }
 
@@ -11072,10 +11117,21 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
     grad_u[2] = -at->sine / d;
     conemap__cut_gradient(f, f->lower, at, at->lower, grad_u, grad_w, lower);
     conemap__cut_gradient(f, f->upper, at, at->upper, grad_u, grad_w, upper);
-    for (k = 0; k < 3; ++k) {
+    for (k = 0; k < 3; ++k)
         grad_v[k] = ((k == 1 ? 1.0 : 0.0) - (1.0 - at->v) * lower[k] - at->v * upper[k]) / span;
-        grad_u[k] *= 0.15915494309189535;
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) { /* E = 2 arg(g) - angle with g = z - b */
+        double b[2], from[2], to[2], gx, gz, g2, by_angle, by_v;
+        conemap__focus(f, at->v, b);
+        conemap__focus(f, 0.0, from);
+        conemap__focus(f, 1.0, to);
+        gx = at->sine - b[0];
+        gz = at->cosine - b[1];
+        g2 = gx * gx + gz * gz;
+        by_angle = (1.0 - b[0] * b[0] - b[1] * b[1]) / g2;
+        by_v = -2.0 * (gz * (to[0] - from[0]) - gx * (to[1] - from[1])) / g2;
+        for (k = 0; k < 3; ++k) grad_u[k] = by_angle * grad_u[k] + by_v * grad_v[k];
     }
+    for (k = 0; k < 3; ++k) grad_u[k] *= 0.15915494309189535;
 }
 
 /* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
@@ -11182,13 +11238,17 @@ CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, 
 CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3],
                                                   float point[3]) {
     conemap__cone cone;
-    double sine, cosine, low, high, y, rho, p[3], axes[3][3];
+    double sine, cosine, low, high, y, rho, p[3], axes[3][3], b[2];
     int k;
     if (!frustum || !uvw || !point) return CONEMAP_ERROR_NULL;
     for (k = 0; k < 3; ++k)
         if (!conemap__finite(uvw[k])) return CONEMAP_ERROR_PARAMETER;
     conemap__turn((double)uvw[0], &sine, &cosine);
     cone = conemap__cone_at(frustum, (double)uvw[2]);
+    if (frustum->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        conemap__focus(frustum, conemap__clamp01((double)uvw[1]), b);
+        conemap__label(-b[0], -b[1], &sine, &cosine);
+    }
     low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine,
                          cone);
     high = conemap__cut_y(frustum->upper, (double)frustum->upper[0] * sine + (double)frustum->upper[1] * cosine,
@@ -11270,6 +11330,7 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
 #define CONEMAP__CONE_ROOM                                                                                        \
     0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
                                      sqrt(2) further out */
+#define CONEMAP__FIT 0.25       /* the most that a fit changes a radius, as a share */
 #define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
 #define CONEMAP__FARTHEST 1e12f /* a joint's coordinate */
 #define CONEMAP__LEAF 2         /* frusta in a leaf */
@@ -11321,106 +11382,25 @@ static double conemap__boundary(double r, double k, double r2, double k2, double
     return bisecting + n * d / (size * size);
 }
 
-/* Half the minor axis, squared, of the ellipse in which a cone of radius r + k y is cut by the plane n1 y + np p =
-   dot, p across the axis: at the centre, between the two boundary lines' meetings with the plane, what the radius
-   leaves besides the way from the axis. 0 if it is no ellipse. */
-static double conemap__minor_axis(double r, double k, double n1, double np, double dot) {
-    double over_a = n1 + k * np, over_b = n1 - k * np, a, b, y, rho, off;
-    if (!(over_a > 1e-9 && over_b > 1e-9)) return 0.0;
-    a = (dot - r * np) / over_a;
-    b = (dot + r * np) / over_b;
-    y = 0.5 * (a + b);
-    rho = r + k * y;
-    off = 0.5 * k * (a - b); /* half of (r + k a) - (r + k b) */
-    return rho * rho - off * off;
-}
+/* [BJCW09 section 2.2]'s fit in closed form. The paper changes a segment's base radius until the minor axes of the two
+   cuts agree. They do where both cones touch one sphere around the joint: with rho its radius and S = sqrt(1 + k^2) a
+   cone of radius rho S at the joint is |p|^2 - rho^2 = (S y + k rho)^2, so two of them meet where S y + k rho is the
+   same but for its sign (y counted away from the joint on both sides of it), in a plane, and share its ellipse whole.
+   That plane never runs away, not where the axes are in one line nor where the boundary lines are parallel.
 
-/* Cuts two limbs that meet in a joint by one plane [BJCW09 eqs. 3-5], and fits the second one's radius [section 2.2].
-   */
-static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first, conemap__limb *next) {
-    double normal[3], p1[3], p2[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
-    int round, k;
-    conemap__cross3(first->y, next->y, normal);
-    s = sqrt(conemap__dot3(normal, normal));
-    if (s > 1e-12) /* eq. 3 */
-        for (k = 0; k < 3; ++k) normal[k] /= s;
-    else { /* axes in one line: any plane through them will do */
-        s = 0.0;
-        memcpy(normal, first->x, sizeof normal);
-    }
-    conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
-    conemap__cross3(normal, next->y, p2);
-    for (round = 0;; ++round) {
-        n1 = 1.0 + c; /* the bisecting plane through the joint */
-        np = s;
-        dot = 0.0;
-        if (n1 + s <= 1e-9) np = 1.0; /* straight back */
-        if (c > -0.77 && n1 + first->k * s > 0.1 * n1 && n1 - first->k * s > 0.1 * n1) {
-            double ya = conemap__boundary(first->r_top, first->k, next->r, next->k, c, s);
-            double yb = conemap__boundary(first->r_top, first->k, next->r, next->k, c, -s);
-            double a = first->r_top + first->k * ya, b = first->r_top + first->k * yb;
-            if (a + b > 1e-6 * first->r_top &&
-                a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
-                n1 = a + b;
-                np = yb - ya;
-                dot = n1 * ya + np * a;
-                if (round < skeleton->build.fit_steps) {
-                    double minor = conemap__minor_axis(first->r_top, first->k, n1, np, dot);
-                    double minor2 = conemap__minor_axis(next->r, next->k, c * n1 + s * np, c * np - s * n1, dot);
-                    if (minor > 0.0 && minor2 > 0.0 && conemap__absd(minor - minor2) > 1e-12 * minor) {
-                        double ratio =
-                            sqrt(sqrt(minor / minor2)); /* half of the way: whole ones can swing to and fro */
-                        next->r *= ratio < 0.5 ? 0.5 : ratio > 2.0 ? 2.0 : ratio;
-                        next->k = (next->r_top - next->r) / next->h;
-                        continue;
-                    }
-                }
-            }
-        }
-        break;
-    }
-    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and
-       p2 */
-    m = conemap__maxd(n1, 1e-9 * conemap__absd(np));
-    first->upper[0] = -np / m * conemap__dot3(p1, first->x);
-    first->upper[1] = -np / m * conemap__dot3(p1, first->z);
-    first->upper[2] = first->h + dot / m;
-    along = c * n1 + s * np;
-    across = c * np - s * n1;
-    m = conemap__maxd(along, 1e-9 * conemap__absd(across));
-    next->lower[0] = across / m; /* along p2, until the frame of `next` is known */
-    next->lower[1] = 0.0;
-    next->lower[2] = dot / m;
-    /* u = 0 at the upper cut of the first limb, seen from the joint, is where u = 0 of the next begins [section 2.3] */
-    {
-        const conemap__bone *bone = &skeleton->build.bones[first->segment];
-        double q[3], sine = (double)bone->sine, cosine = (double)bone->cosine, y, rho, slope, turn, length2;
-        slope = first->upper[0] * sine + first->upper[1] * cosine;
-        slope = conemap__mind(slope, CONEMAP__STEEPEST);
-        y = (first->upper[2] + slope * first->r) / conemap__maxd(1.0 - first->k * slope, 0.1);
-        rho = first->r + first->k * y;
-        for (k = 0; k < 3; ++k)
-            q[k] = rho * (sine * first->x[k] + cosine * first->z[k]) + (y - first->h) * first->y[k];
-        turn = conemap__dot3(q, next->y);
-        for (k = 0; k < 3; ++k) q[k] -= turn * next->y[k];
-        length2 = conemap__dot3(q, q);
-        if (!(length2 > 1e-6 * rho * rho &&
-              rho > 0.0)) { /* it lies on the next axis: turn with the least rotation */
-            double z[3];
-            for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
-            turn = conemap__dot3(z, next->y) / conemap__maxd(1.0 + c, 1e-9);
-            for (k = 0; k < 3; ++k) q[k] = z[k] - turn * (first->y[k] + next->y[k]);
-        }
-        memcpy(next->z, q, sizeof q);
-    }
-    for (k = 0; k < 3; ++k) p1[k] = p2[k];
-    m = conemap__dot3(next->z, next->y);
-    for (k = 0; k < 3; ++k) next->z[k] -= m * next->y[k];
-    if (!conemap__normalise3(next->z)) memcpy(next->z, normal, sizeof normal);
-    conemap__cross3(next->y, next->z, next->x);
-    m = next->lower[0];
-    next->lower[0] = -m * conemap__dot3(p1, next->x);
-    next->lower[1] = -m * conemap__dot3(p1, next->z);
+   Returns the base radius of a cone from the joint to radius `top`, h away, that touches the sphere, and S of both; 0
+   where there is none or it changes the radius r by more than a quarter, as at strong changes of the taper. */
+static double conemap__fitted(double r_top, double k, double r, double top, double h, double stretch[2]) {
+    double rho, q, under, fitted, k2;
+    stretch[0] = sqrt(1.0 + k * k);
+    rho = r_top / stretch[0];
+    q = rho / h;
+    under = q * q * top * top + (1.0 - q * q) * rho * rho;
+    if (!(rho > 0.0) || !(under >= 0.0)) return 0.0;
+    fitted = (rho * rho + q * q * top * top) / (q * q * top + sqrt(under));
+    k2 = (top - fitted) / h;
+    stretch[1] = sqrt(1.0 + k2 * k2);
+    return conemap__absd(fitted - r) <= CONEMAP__FIT * r ? fitted : 0.0;
 }
 
 /* z of a frame whose y turns from one direction to another by the least rotation; straight back, z stays. */
@@ -11438,6 +11418,63 @@ static void conemap__carry(const double *from_y, const double *from_z, conemap__
         if (!conemap__normalise3(limb->z)) limb->z[0] = 1.0;
     }
     conemap__cross3(limb->y, limb->z, limb->x);
+}
+
+/* Cuts two limbs that meet in a joint by one plane, and gives the second one its frame, in which u = 0 goes on from the
+   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial plane's
+   normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on another. */
+static void conemap__join(conemap__limb *first, conemap__limb *next, double sine, double cosine, int fit) {
+    double normal[3], p1[3], p2[3], z[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
+    double r = first->r_top, k1 = first->k, fitted, stretch[2];
+    int k;
+    for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
+    conemap__carry(first->y, z, next);
+    conemap__cross3(first->y, next->y, normal);
+    s = sqrt(conemap__dot3(normal, normal));
+    if (s > 1e-12) /* eq. 3 */
+        for (k = 0; k < 3; ++k) normal[k] /= s;
+    else { /* axes in one line: any plane through them will do */
+        s = 0.0;
+        memcpy(normal, first->x, sizeof normal);
+    }
+    conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
+    conemap__cross3(normal, next->y, p2);
+    n1 = 1.0 + c; /* the bisecting plane through the joint */
+    np = s;
+    dot = 0.0;
+    fitted = fit ? conemap__fitted(r, k1, next->r, next->r_top, next->h, stretch) : 0.0;
+    if (fitted > 0.0) {
+        next->r = fitted;
+        next->k = (next->r_top - fitted) / next->h;
+        n1 = stretch[0] + c * stretch[1];
+        np = s * stretch[1];
+        dot = -(k1 + next->k) * r / stretch[0];
+    } else if (c > -0.77 && n1 + k1 * s > 0.1 * n1 && n1 - k1 * s > 0.1 * n1) {
+        double ya = conemap__boundary(r, k1, next->r, next->k, c, s);
+        double yb = conemap__boundary(r, k1, next->r, next->k, c, -s);
+        double a = r + k1 * ya, b = r + k1 * yb;
+        if (a + b > 1e-6 * r && a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
+            n1 = a + b;
+            np = yb - ya;
+            dot = n1 * ya + np * a;
+        }
+    }
+    if (s <= 1e-9 && c < 0.0) { /* straight back */
+        n1 = 0.0;
+        np = 1.0;
+    }
+    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and
+       p2 */
+    m = conemap__maxd(n1, 1e-9 * (conemap__absd(n1) + conemap__absd(np)));
+    first->upper[0] = -np / m * conemap__dot3(p1, first->x);
+    first->upper[1] = -np / m * conemap__dot3(p1, first->z);
+    first->upper[2] = first->h + dot / m;
+    along = c * n1 + s * np;
+    across = c * np - s * n1;
+    m = conemap__maxd(along, 1e-9 * (conemap__absd(along) + conemap__absd(across)));
+    next->lower[0] = -across / m * conemap__dot3(p2, next->x);
+    next->lower[1] = -across / m * conemap__dot3(p2, next->z);
+    next->lower[2] = dot / m;
 }
 
 /* Scales the slopes of both planes. */
@@ -11590,7 +11627,7 @@ static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_jo
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
     limb->flags = (f->parent < 0 ? CONEMAP_FRUSTUM_ROOT : 0) | (f->child < 0 ? CONEMAP_FRUSTUM_TIP : 0) |
-                  (f->flags & CONEMAP_FRUSTUM_C1);
+                  (f->flags & (CONEMAP_FRUSTUM_C1 | CONEMAP_FRUSTUM_EXACT_U));
     if (skeleton->build.slope_normals) limb->lean_lower = limb->lean_upper = limb->k;
 }
 
@@ -11659,7 +11696,8 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
         double y[3], z[3];
         conemap__set_limb(skeleton, joints, segment, limb);
         if (parent >= 0 && frusta[parent].child == segment) {
-            conemap__join(skeleton, before, limb);
+            const conemap__bone *bone = &skeleton->build.bones[parent];
+            conemap__join(before, limb, (double)bone->sine, (double)bone->cosine, skeleton->build.fit);
             if (skeleton->build.slope_normals) limb->lean_lower = before->lean_upper = 0.5 * (before->k + limb->k);
         } else if (parent >=
                    0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
@@ -11742,7 +11780,8 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
         frusta[i].u_repeat = s->u_repeat ? s->u_repeat : 1;
         frusta[i].user = s->user;
         frusta[i].v_size = s->v_size;
-        frusta[i].flags = desc->c1_normals ? CONEMAP_FRUSTUM_C1 : 0;
+        frusta[i].flags =
+            (desc->c1_normals ? CONEMAP_FRUSTUM_C1 : 0) | (desc->exact_u ? CONEMAP_FRUSTUM_EXACT_U : 0);
         if (s->parent >= 0) {
             frusta[i].sibling = frusta[s->parent].branch;
             frusta[s->parent].branch = i;
@@ -11901,7 +11940,7 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
     result = conemap__skeleton_size(desc, &size);
     if (result != CONEMAP_OK) return result;
-    if (desc->fit_steps < 0 || desc->fit_steps > 64 || !conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
+    if (!conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
         !conemap__in_range(desc->blend, 0.0f, 16.0f))
         return CONEMAP_ERROR_PARAMETER;
     skeleton->build.allocator = desc->allocator;
@@ -11921,7 +11960,7 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     skeleton->count = desc->segment_count;
     skeleton->memory_size = size;
     skeleton->build.joint_count = desc->joint_count;
-    skeleton->build.fit_steps = desc->fit_steps;
+    skeleton->build.fit = desc->fit;
     skeleton->build.slope_normals = desc->slope_normals;
     skeleton->build.blend = desc->blend;
     result = conemap__read_segments(desc, skeleton);
@@ -11972,7 +12011,8 @@ typedef struct conemap__shell {
     double t_a, t_b, v_a, v_b;
     /* what bounds the parametrisation's speed along the ray: see conemap__shell_bounds */
     double across, turning, nearest; /* |(x, z)'|^2, x' z - x z', and when d is least */
-    double angle_moves_cut, fixed_speed, span;
+    double by_v, span;               /* v moves at no more than by_v / span */
+    double stretch, twist;           /* u at stretch times the angle and twist times v */
 } conemap__shell;
 
 /* The map's bilinear cell at a place of the frustum, and where in it. */
@@ -12009,10 +12049,12 @@ static conemap__place_uvw conemap__shell_at(const conemap__shell *shell, double 
     memset(&at, 0, sizeof at);
     at.d = sqrt(p[0] * p[0] + p[2] * p[2]);
     at.thickness = (double)f->t + (double)f->tk * p[1];
+    at.sine = at.d > 0.0 ? p[0] / at.d : 0.0;
+    at.cosine = at.d > 0.0 ? p[2] / at.d : 1.0;
     at.w = at.d - ((double)f->r + (double)f->k * p[1]);
     if (at.thickness > 0.0) at.w /= at.thickness;
-    at.u = conemap__turns(p[0], p[2]);
     at.v = shell->v_a + (shell->v_b - shell->v_a) * ((t - shell->t_a) / (shell->t_b - shell->t_a));
+    at.u = conemap__turns_of(f, &at);
     return at;
 }
 
@@ -12064,11 +12106,16 @@ static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton
 
 /* What bounds how fast the map's coordinates change along a ray of the shell, for cone steps.
 
-   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. A cut y = (c + s r) / (1 - k s) moves with
-   the angle at |r + k c| / (1 - k s)^2 times |ds/dangle| <= the plane's slope n, and with w at n thickness / (1 - k
-   n); w itself moves at no more than (|(x, z)'| + (|k| + |tk|) |y'|) / thickness. v = (y - lower) / (upper - lower)
-   then moves at no more than (|y'| + the faster cut) / the least upper - lower, and that span is (c_u - c_l + d_l
-   (s_u - s_l)) / (1 - k s_u) for d_l, the distance from the axis at the lower cut. */
+   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. v = (y - lower) / (upper - lower) moves at
+   (y' - (1 - v) lower' - v upper') / (upper - lower). A cut y = (c + s r) / (1 - k s) moves with w at s T_cut / (T (1 -
+   k s)) times d' - k y', T the shell's thickness, and with the angle at s' d_cut / (d (1 - k s)) times what the ray
+   goes around the axis. Along the line on which v counts, d and T are linear: d = (1 - v) d_lower + v d_upper. So the
+   weights (1 - v) d_lower / d and v d_upper / d have the sum 1, and so have those of T: however near the axis the ray
+   passes, both cuts together move at no more than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, with n the
+   planes' slopes (s^2 + s'^2 = n^2). upper - lower is (c_u - c_l + d_l (s_u - s_l)) / (1 - k s_u).
+
+   For E of conemap__label, dE / dangle <= (1 + B) / (1 - B) and |dE / dv| <= 2 |b_u - b_l| / (1 - B), B the longer of
+   the two b. */
 static void conemap__shell_bounds(conemap__shell *shell) {
     const conemap_frustum *f = shell->f;
     conemap__cone inner = conemap__cone_at(f, 0.0), outer = conemap__cone_at(f, 1.0);
@@ -12076,42 +12123,42 @@ static void conemap__shell_bounds(conemap__shell *shell) {
     double n_upper = sqrt((double)f->upper[0] * (double)f->upper[0] + (double)f->upper[1] * (double)f->upper[1]);
     double da = (double)f->upper[0] - (double)f->lower[0], db = (double)f->upper[1] - (double)f->lower[1];
     double k = conemap__maxd(conemap__absd(inner.k), conemap__absd(outer.k)), n = conemap__maxd(n_lower, n_upper);
-    double rest = 1.0 - k * n, widest = conemap__maxd(inner.r, outer.r), vy = conemap__absd(shell->ray.v[1]),
-           reach, speed;
-    double c = conemap__maxd(conemap__absd((double)f->lower[2]), conemap__absd((double)f->upper[2]));
-    double thickest = (double)f->t, thinnest = (double)f->t;
+    double vy = conemap__absd(shell->ray.v[1]), around, reach;
     shell->across = shell->ray.v[0] * shell->ray.v[0] + shell->ray.v[2] * shell->ray.v[2];
     shell->turning = conemap__absd(shell->ray.v[0] * shell->ray.o[2] - shell->ray.o[0] * shell->ray.v[2]);
     shell->nearest = shell->across > 0.0
                          ? -(shell->ray.o[0] * shell->ray.v[0] + shell->ray.o[2] * shell->ray.v[2]) / shell->across
                          : 0.0;
-    shell->angle_moves_cut = n > 0.0 ? n * (widest + k * c) / (rest * rest) : 0.0;
+    around = sqrt(shell->across) + k * vy;
+    shell->by_v = vy + sqrt(n_lower * n_lower + n_upper * n_upper) / (1.0 - k * n) * around;
     reach = conemap__maxd(outer.r + outer.k * (double)f->lower[2], inner.r + inner.k * (double)f->lower[2]);
     reach /= 1.0 - k * n_lower; /* d_l at most */
     shell->span =
         ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
-    if (f->tk < 0.0f || f->tk > 0.0f) {
-        double low = (double)f->t + (double)f->tk * conemap__cone_reach(f->lower, outer, 0);
-        double high = (double)f->t + (double)f->tk * conemap__cone_reach(f->upper, outer, 1);
-        thickest = conemap__maxd(low, high);
-        thinnest = conemap__mind(low, high);
+    shell->stretch = 1.0;
+    shell->twist = conemap__absd((double)f->twist);
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        double b[2], to[2], longer;
+        conemap__focus(f, 0.0, b);
+        conemap__focus(f, 1.0, to);
+        longer = sqrt(conemap__maxd(b[0] * b[0] + b[1] * b[1], to[0] * to[0] + to[1] * to[1]));
+        b[0] -= to[0];
+        b[1] -= to[1];
+        shell->stretch = (1.0 + longer) / (1.0 - longer);
+        shell->twist += 0.3183098861837907 * sqrt(b[0] * b[0] + b[1] * b[1]) / (1.0 - longer);
     }
-    if (n > 0.0 && !(thinnest > 0.0)) shell->span = 0.0; /* w has no bound */
-    speed = sqrt(shell->across) + (k + conemap__absd((double)f->tk)) * vy;
-    shell->fixed_speed = vy + (n > 0.0 && thinnest > 0.0 ? n * thickest / rest * (speed / thinnest) : 0.0);
 }
 
 /* Bounds |d(map_u, map_v)/dt| in the map's metric from t to t1; NEVER if there is no bound. */
 static double conemap__map_speed(const conemap__shell *shell, double t, double t1) {
     const conemap_frustum *f = shell->f;
-    double p[3], d2, at, u, v, turning;
+    double p[3], d2, at, u, v;
     at = shell->nearest < t ? t : shell->nearest > t1 ? t1 : shell->nearest;
     conemap__along(&shell->ray, at, p);
     d2 = p[0] * p[0] + p[2] * p[2];
     if (!(shell->span > 0.0) || !(d2 > 0.0)) return CONEMAP__NEVER;
-    turning = shell->turning / d2;
-    v = (shell->fixed_speed + shell->angle_moves_cut * turning) / shell->span;
-    u = (turning * 0.15915494309189535 + v * conemap__absd((double)f->twist)) * (double)f->u_repeat;
+    v = shell->by_v / shell->span;
+    u = (shell->stretch * shell->turning / d2 * 0.15915494309189535 + v * shell->twist) * (double)f->u_repeat;
     v *= conemap__absd((double)f->v_size) * (double)shell->map->info.aspect;
     return sqrt(u * u + v * v);
 }

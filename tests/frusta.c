@@ -362,7 +362,7 @@ static void contained(void)
         conemap_skeleton skeleton;
         if (!random_skeleton(&random, &chain, &skeleton)) return;
         if (round & 1) {
-            chain.desc.fit_steps = 8;
+            chain.desc.fit = 1;
             conemap_skeleton_free(&skeleton);
             REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "fitted");
         }
@@ -420,8 +420,8 @@ static double turns_apart(double a, double b)
     return d - floor(d) < 0.5 ? d - floor(d) : 1.0 - (d - floor(d));
 }
 
-/* Points of one side of a seam in the other side's coordinates. Cylinders and straight chains fit exactly; bent cones
-   as the paper leaves them: u agrees where it is 0, elsewhere as well as growth times bend lets it. */
+/* Points of one side of a seam in the other side's coordinates. Cylinders and straight chains fit exactly, bent cones
+   as growth times bend lets them. */
 static void seams(void)
 {
     struct zoo_random random = zoo_seed(503);
@@ -451,15 +451,14 @@ static void seams(void)
             for (n = 0; n < 16; ++n) {
                 float uvw[3], p[3], back[3];
                 double apart;
-                uvw[0] = n == 0 ? -f->twist : (float)n / 16.0f;
+                uvw[0] = (float)n / 16.0f;
                 uvw[1] = 1.0f;
                 uvw[2] = (float)(n & 1);
-                if (n == 0) uvw[2] = 0.0f;
                 REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
                 REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
                 CHECK(fabs((double)back[1]) <= 1e-5, "round %d: v is %g beyond the seam", round, (double)back[1]);
                 apart = turns_apart((double)uvw[0] + (double)f->twist, (double)back[0]);
-                CHECK(apart <= (n == 0 ? 2e-5 : allowed), "round %d: u %g apart at the seam, allowed %g", round,
+                CHECK(apart <= allowed, "round %d: u %g apart at the seam, allowed %g", round,
                       apart, allowed);
                 if (apart > worst) worst = apart;
                 CHECK(fabs((double)back[2] - (double)uvw[2]) * ((double)f->t + (double)f->tk * (double)f->h) <=
@@ -470,6 +469,66 @@ static void seams(void)
         conemap_skeleton_free(&skeleton);
     }
     test_note("u at bent cones' seams at most %.4f turns apart", worst);
+}
+
+/* u on the common cut of fitted cones: by the angle it differs alike to both sides of the bend, so that no turn of the
+   texture could do better, and with exact_u not at all. */
+static void exact_u(void)
+{
+    struct zoo_random random = zoo_seed(518);
+    double worst[2] = {0, 0}, paper = 0, shell = 0;
+    int round, exact, i, n;
+    for (round = 0; round < 100; ++round) {
+        struct chain chain;
+        make_chain(&random, TAPERED, 0.3f, 4, &chain);
+        for (i = 0; i < 5; ++i) chain.joints[i].radius = zoo_between(&random, 0.2f, 0.8f);
+        for (i = 0; i < 5; ++i) chain.joints[i].thickness = round & 2 ? 0.2f : 0.1f + 0.1f * zoo_unit(&random);
+        for (i = 0; i < 4; ++i) chain.segments[i].twist = round & 1 ? 0.3f * (float)i : 0.0f;
+        chain.desc.fit = 1;
+        for (exact = 0; exact < 2; ++exact) {
+            conemap_skeleton skeleton;
+            chain.desc.exact_u = exact;
+            REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+            for (i = 0; i + 1 < 4; ++i) {
+                const conemap_frustum *f = &skeleton.frusta[i], *g = &skeleton.frusta[i + 1];
+                double low = 1, high = -1;
+                for (n = 0; n < 64; ++n) {
+                    float uvw[3], p[3], back[3];
+                    double apart;
+                    uvw[0] = (float)n / 64.0f;
+                    uvw[1] = 1.0f;
+                    uvw[2] = 0.0f;
+                    REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                    REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
+                    CHECK(fabsf(back[2]) < 2e-4f, "round %d: w is %g at the seam", round, (double)back[2]);
+                    apart = (double)uvw[0] + (double)f->twist - (double)back[0];
+                    apart -= floor(apart + 0.5);
+                    if (apart < low) low = apart;
+                    if (apart > high) high = apart;
+                    uvw[2] = 1.0f;
+                    REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                    REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
+                    apart = turns_apart((double)uvw[0] + (double)f->twist, (double)back[0]);
+                    if (exact && apart > shell) shell = apart;
+                    uvw[1] = zoo_unit(&random); /* and there and back anywhere */
+                    uvw[2] = zoo_unit(&random);
+                    REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                    REQUIRE(conemap_frustum_uvw(f, p, back) == CONEMAP_OK, "uvw");
+                    CHECK(turns_apart((double)uvw[0], (double)back[0]) < 2e-5, "round %d: u %g, back %g", round,
+                          (double)uvw[0], (double)back[0]);
+                }
+                CHECK(low + high < 0.05 * (high - low) + 1e-5 && low + high > -0.05 * (high - low) - 1e-5,
+                      "round %d: u differs by %g to %g: a turn would lessen that", round, low, high);
+                if (high > worst[exact]) worst[exact] = high;
+                if (!exact && high - low > paper) paper = high - low;
+            }
+            conemap_skeleton_free(&skeleton);
+        }
+    }
+    CHECK(worst[0] > 0.01, "angles differ by %g: the bends are too tame to tell", worst[0]);
+    CHECK(worst[1] < 1e-5, "u differs by %g with exact_u", worst[1]);
+    test_note("u of fitted cones apart: aligned at a point %.4f, least rotation %.4f, exact %.1g (outer surface %.4f)",
+              paper, worst[0], worst[1], shell);
 }
 
 /* A ray straight at the axis, towards the point (u, v). */
@@ -606,6 +665,7 @@ static void equations_of_the_cut(void)
         int k;
         make_chain(&random, TAPERED, 0.3f, 2, &chain);
         for (k = 0; k < 3; ++k) chain.joints[k].radius = zoo_between(&random, 0.3f, 0.6f);
+        chain.desc.fit = round & 1; /* then of the second segment with its new radius */
         REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
         for (k = 0; k < 3; ++k) {
             m1[k] = (double)chain.joints[1].position[k] - (double)chain.joints[0].position[k];
@@ -625,7 +685,7 @@ static void equations_of_the_cut(void)
                 for (k = 0; k < 3; ++k) { /* eq. 4: L1 = C1 - r1 (M1 x Nm), and the other three */
                     l1[k] = (double)chain.joints[0].position[k] - side * r0 * o1[k];
                     d1[k] = (double)chain.joints[1].position[k] - side * r1 * o1[k] - l1[k];
-                    l2[k] = (double)chain.joints[1].position[k] - side * r1 * o2[k];
+                    l2[k] = (double)chain.joints[1].position[k] - side * (double)skeleton.frusta[1].r * o2[k];
                     d2[k] = (double)chain.joints[2].position[k] - side * r2 * o2[k] - l2[k];
                     w[k] = l2[k] - l1[k];
                 }
@@ -773,58 +833,64 @@ static void equations_of_the_frustum(void)
     CHECK(hits > tried / 2, "only %d of %d hit", hits, tried);
 }
 
-/* Section 2.2's fit: the two cuts' minor axes agree afterwards, and did not before. */
+/* Section 2.2's fit: the two cuts are one ellipse afterwards, and were not before; with axes in one line or nearly so,
+   and where boundary lines are parallel, as well as elsewhere. */
 static void fit(void)
 {
     struct zoo_random random = zoo_seed(507);
-    double before = 0, after = 0;
-    int round, steps;
-    for (round = 0; round < 60; ++round) {
+    static const float bends[] = {0.0f, 1e-7f, 1e-5f, 1e-3f, 0.02f, 0.1f, 0.3f, 0.8f};
+    double before = 0, after = 0, changed = 0;
+    int round, fitted, n;
+    for (round = 0; round < 160; ++round) {
         struct chain chain;
-        make_chain(&random, TAPERED, 0.25f, 2, &chain);
-        for (steps = 0; steps < 3; ++steps) chain.joints[steps].radius = zoo_between(&random, 0.3f, 0.6f);
-        for (steps = 0; steps <= 64; steps += 64) {
+        make_chain(&random, TAPERED, bends[round % 8], 2, &chain);
+        for (n = 0; n < 3; ++n) chain.joints[n].radius = zoo_between(&random, 0.3f, 0.9f);
+        for (n = 0; n < 3; ++n) chain.joints[n].thickness = 0.0f;
+        if (round % 16 >= 8) { /* an even taper: parallel boundary lines where it is straight */
+            chain.joints[1].radius = 0.5f * (chain.joints[0].radius + chain.joints[2].radius);
+        }
+        for (fitted = 0; fitted < 2; ++fitted) {
             conemap_skeleton skeleton;
-            double minor[2], normal[3], y1[3], y2[3];
-            int side, k;
-            chain.desc.fit_steps = steps;
+            const conemap_frustum *f, *g;
+            double apart = 0;
+            chain.desc.fit = fitted;
             REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
-            for (k = 0; k < 3; ++k) {
-                y1[k] = (double)skeleton.frusta[0].axis_y[k];
-                y2[k] = (double)skeleton.frusta[1].axis_y[k];
-            }
-            cross(y1, y2, normal);
-            /* where boundary lines are nearly parallel, A runs away faster than the radius follows */
-            if (unit(normal) < 1.5 * fabs((double)skeleton.frusta[0].k - (double)skeleton.frusta[1].k) + 0.05 ||
-                skeleton.clamped) {
-                conemap_skeleton_free(&skeleton);
-                break;
-            }
-            for (side = 0; side < 2; ++side) { /* the cut's extent along the medial plane's normal, by search */
-                const conemap_frustum *f = &skeleton.frusta[side];
-                const float *plane = side ? f->lower : f->upper;
-                int n;
-                minor[side] = 0;
-                for (n = 0; n < 2000; ++n) {
-                    const double s = sin(TURN * n / 2000), c = cos(TURN * n / 2000),
-                                 slope = (double)plane[0] * s + (double)plane[1] * c;
-                    const double y = ((double)plane[2] + slope * (double)f->r) / (1 - (double)f->k * slope);
-                    const double rho = (double)f->r + (double)f->k * y;
-                    double across = 0;
-                    for (k = 0; k < 3; ++k)
-                        across += normal[k] * (rho * s * (double)f->axis_x[k] + rho * c * (double)f->axis_z[k]);
-                    if (across > minor[side]) minor[side] = across;
+            f = &skeleton.frusta[0];
+            g = &skeleton.frusta[1];
+            if (skeleton.clamped == 0) {
+                for (n = 0; n < 64; ++n) {
+                    float uvw[3] = {0, 1, 0}, p[3], back[3];
+                    uvw[0] = (float)n / 64.0f;
+                    REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                    REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
+                    if (fabs((double)back[2]) > apart) apart = fabs((double)back[2]); /* no shell: a distance */
                 }
-            }
-            minor[0] = fabs(minor[0] / minor[1] - 1);
-            if (steps == 0 && minor[0] > before) before = minor[0];
-            if (steps != 0 && minor[0] > after) after = minor[0];
+                if (fitted && apart > after) after = apart;
+                if (!fitted && apart > before) before = apart;
+                CHECK(!fitted || apart < 1e-5, "round %d: cuts are %g apart, bend %g", round, apart,
+                      (double)bends[round % 8]);
+            } else
+                CHECK(bends[round % 8] > 0.5f, "round %d: clamped in a bend of %g", round,
+                      (double)bends[round % 8]);
+            if (fitted && fabs((double)(g->r / chain.joints[1].radius) - 1) > changed)
+                changed = fabs((double)(g->r / chain.joints[1].radius) - 1);
             conemap_skeleton_free(&skeleton);
         }
     }
-    CHECK(before > 0.003, "minor axes differ without the fit: %g", before);
-    CHECK(after < 1e-3, "minor axes differ by %g after the fit", after);
-    test_note("minor axes differ by %.1f %%, fitted %.4f %%", 100 * before, 100 * after);
+    CHECK(before > 0.003, "cuts are apart without the fit: %g", before);
+    CHECK(changed > 0.001 && changed < 0.2, "the fit changes radii by %g", changed);
+    test_note("cuts %.4f apart, fitted %.1g; radii changed by %.1f %%", before, after, 100 * changed);
+    { /* a dome's steep taper is none that could be fitted: its radius stays */
+        conemap_joint joints[3] = {{{0, 0, 0}, 1, 0}, {{0, 2, 0}, 1, 0}, {{0.1f, 2.3f, 0}, 0.1f, 0}};
+        struct chain chain;
+        conemap_skeleton skeleton;
+        make_chain(&random, CYLINDERS, 0, 2, &chain);
+        memcpy(chain.joints, joints, sizeof joints);
+        chain.desc.fit = 1;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        CHECK(skeleton.frusta[1].r == 1.0f, "a steep taper's radius is changed to %g", (double)skeleton.frusta[1].r);
+        conemap_skeleton_free(&skeleton);
+    }
 }
 
 /* ---- relief ------------------------------------------------------------------------------------------------------ */
@@ -868,6 +934,20 @@ static double clearance(const conemap_frustum *f, const struct truth_map *truth,
     v = (p[1] - low) / (high - low);
     v = v < 0 ? 0 : v > 1 ? 1 : v;
     map_v = (double)f->v_start + v * (double)f->v_size;
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) { /* the eccentric anomaly, by half angles */
+        double along[2] = {0, 0}, length, around;
+        int side;
+        for (side = 0; side < 2; ++side) {
+            const float *plane = side ? f->upper : f->lower;
+            const double n = sqrt((double)plane[0] * (double)plane[0] + (double)plane[1] * (double)plane[1]);
+            const double m = sqrt((1 + (double)f->k * n) / (1 - (double)f->k * n)), share = side ? v : 1 - v;
+            if (n > 0) along[0] += share * (m - 1) / (m + 1) * (double)plane[0] / n;
+            if (n > 0) along[1] += share * (m - 1) / (m + 1) * (double)plane[1] / n;
+        }
+        length = sqrt(along[0] * along[0] + along[1] * along[1]);
+        around = u - atan2(along[0], along[1]);
+        u += 2 * atan2(length * sin(around), 1 - length * cos(around));
+    }
     if (truth->wrap_v != 1) map_v = map_v < 0 ? 0 : map_v > 1 ? 1 : map_v;
     return w - truth_height(truth, (u / TURN + v * (double)f->twist) * f->u_repeat, map_v);
 }
@@ -914,6 +994,7 @@ static void relief_rays(const conemap_skeleton_trace_desc *trace, int rounds, in
             chain.segments[k].twist = round % 3 == 0 ? 0.5f : 0.0f;
             chain.segments[k].u_repeat = 1 + round % 2;
         }
+        chain.desc.exact_u = round / 2 % 2;
         if (!relief_map(kinds[round % 5], (uint32_t)round, heights, &map, &truth)) return;
         if (!CHECK(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build")) return;
         desc.map = &map;
@@ -1032,6 +1113,7 @@ static void speed_bound(void)
             chain.segments[k].u_repeat = 1 + zoo_below(&random, 3);
             chain.segments[k].v_size = round & 2 ? 9.0f : 0.1f;
         }
+        chain.desc.exact_u = round / 4 % 2;
         REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
         for (n = 0; n < 60; ++n) {
             const conemap_frustum *f = &skeleton.frusta[1];
@@ -1075,6 +1157,74 @@ static void speed_bound(void)
     CHECK(looked > 2000 && tightest / looked > 0.3, "%d looked at, on average %.2f of the bound", looked,
           tightest / looked);
     test_note("speeds are %.0f %% of their bound", 100 * tightest / looked);
+}
+
+/* The bound's parts by themselves, each where it is nearly reached, so that none can be less than it is: v along a
+   steep cut's slope, v along the axis, u around the axis, and u where exact_u stretches it most. */
+static void tight_speed_bound(void)
+{
+    static float heights[SIDE * SIDE];
+    struct truth_map truth;
+    struct chain chain;
+    struct zoo_random random = zoo_seed(519);
+    conemap_map map;
+    static const char *const names[4] = {"up a cut", "along the axis", "around the axis", "stretched"};
+    double nearest[4] = {0, 0, 0, 0};
+    int part, n, k;
+    REQUIRE(relief_map(ZOO_FBM, 1, heights, &map, &truth), "map");
+    for (part = 0; part < 4; ++part) {
+        conemap_skeleton skeleton;
+        const conemap_frustum *f;
+        make_chain(&random, CYLINDERS, 0.0f, 2, &chain);
+        for (k = 0; k < 3; ++k) {
+            chain.joints[k].position[0] = part == 1 || k < 2 ? 0.0f : 20.0f;
+            chain.joints[k].position[1] = k == 2 && part != 1 ? 25.0f : 30.0f * (float)k;
+            chain.joints[k].position[2] = 0;
+            chain.joints[k].radius = part == 3 && k > 0 ? 8.0f : 0.5f;
+            chain.joints[k].thickness = 0.5f;
+        }
+        chain.segments[0].v_size = part < 2 ? 100.0f : 1e-3f;
+        chain.desc.exact_u = part == 3;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK && skeleton.clamped == 0, "build");
+        f = &skeleton.frusta[0];
+        for (n = 0; n < 400; ++n) {
+            const double steep = sqrt((double)f->upper[0] * (double)f->upper[0] +
+                                      (double)f->upper[1] * (double)f->upper[1]);
+            const double step = 1e-6, y = 0.96 * (double)f->h;
+            const double d = (double)f->r + (double)f->k * y + 0.4 * (double)zoo_unit(&random);
+            double sine = sin(TURN * n / 400), cosine = cos(TURN * n / 400), way, bound;
+            conemap__shell shell;
+            conemap__place_uvw a, b;
+            memset(&shell, 0, sizeof shell);
+            shell.f = f;
+            shell.map = &map;
+            if (part == 0) {
+                sine = (double)f->upper[0] / steep;
+                cosine = (double)f->upper[1] / steep;
+                shell.ray.v[0] = -sine;
+                shell.ray.v[2] = -cosine;
+            } else if (part == 1)
+                shell.ray.v[1] = 1;
+            else {
+                shell.ray.v[0] = cosine;
+                shell.ray.v[2] = -sine;
+            }
+            shell.ray.o[0] = d * sine;
+            shell.ray.o[1] = y;
+            shell.ray.o[2] = d * cosine;
+            conemap__shell_bounds(&shell);
+            a = conemap__shell_at(&shell, 0);
+            b = conemap__shell_at(&shell, step);
+            bound = conemap__map_speed(&shell, 0, 0.01);
+            way = turns_apart(b.u, a.u) * f->u_repeat;
+            way = sqrt(way * way + (b.v - a.v) * (b.v - a.v) * (double)f->v_size * (double)f->v_size) / step;
+            CHECK(way <= bound * (1 + 1e-4), "%s: the map goes by at %g, bound %g", names[part], way, bound);
+            if (way / bound > nearest[part]) nearest[part] = way / bound;
+        }
+        CHECK(nearest[part] > 0.7, "%s: at most %.2f of the bound", names[part], nearest[part]);
+        conemap_skeleton_free(&skeleton);
+    }
+    conemap_free(&map);
 }
 
 /* From so far away that a least step is less than the last bit of t: the march ends all the same. */
@@ -1165,7 +1315,9 @@ static void relief_normals(void)
     make_chain(&random, TAPERED, 0.1f, 3, &chain);
     chain.joints[3].position[0] += 4.0f;
     for (k = 0; k < 3; ++k) chain.segments[k].twist = 0.2f;
-    for (k = 0; k < 4; ++k) chain.joints[k].thickness = 0.3f;
+    for (k = 0; k < 4; ++k) chain.joints[k].thickness = 0.3f + 0.05f * (float)k;
+    chain.joints[1].radius = 0.6f;
+    chain.desc.exact_u = 1;
     REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
     desc.map = &map;
     for (n = 0; n < 400; ++n) {
@@ -1445,7 +1597,7 @@ static void wild_skeletons(void)
         chain.desc.joint_count = count + 1;
         chain.desc.segments = chain.segments;
         chain.desc.segment_count = count;
-        chain.desc.fit_steps = 8 * zoo_below(&random, 2);
+        chain.desc.fit = zoo_below(&random, 2);
         chain.desc.slope_normals = round & 1;
         chain.desc.blend = (float)(round % 3);
         if (conemap_skeleton_build(&chain.desc, &skeleton) != CONEMAP_OK) continue;
@@ -1555,7 +1707,6 @@ static void bad_skeletons(void)
     EXPECT(chain.desc.segment_count = -1, CONEMAP_ERROR_SIZE);
     EXPECT(chain.desc.joint_count = 0, CONEMAP_ERROR_SIZE);
     EXPECT(chain.desc.joint_count = 4, CONEMAP_ERROR_JOINT);
-    EXPECT(chain.desc.fit_steps = 65, CONEMAP_ERROR_PARAMETER);
     EXPECT(chain.desc.v_per_length = -1.0f, CONEMAP_ERROR_PARAMETER);
     EXPECT(chain.desc.blend = (float)NAN, CONEMAP_ERROR_PARAMETER);
     EXPECT((chain.desc.memory = memory, chain.desc.memory_size = 16), CONEMAP_ERROR_BUFFER);
@@ -1657,6 +1808,7 @@ const struct test_case frusta_tests[] = {
     {"exact cases", exact_cases},
     {"contained", contained},
     {"seams", seams},
+    {"exact u", exact_u},
     {"joint normals", joint_normals},
     {"branch normals", branch_normals},
     {"equations of the cut", equations_of_the_cut},
@@ -1665,6 +1817,7 @@ const struct test_case frusta_tests[] = {
     {"relief by steps", relief_by_steps},
     {"relief by cones", relief_by_cones},
     {"speed bound", speed_bound},
+    {"tight speed bound", tight_speed_bound},
     {"far relief", far_relief},
     {"linear v", linear_v},
     {"relief normals", relief_normals},
