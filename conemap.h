@@ -1055,7 +1055,10 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
 
    Limits. Bends beyond 140 degrees, and
    segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
-   a crease, which `blend` hides from the light but not from the outline. Cross-sections are round.
+   a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
+   and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
+   sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
+   segments always.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -1073,6 +1076,11 @@ typedef struct conemap_segment {
                                as the radius does */
     float v_size;           /* of the map along the segment; 0: see v_per_length of the desc */
     int user;               /* handed through to conemap_frustum: a material */
+    float flat;             /* an elliptical cross-section: its smaller radius and thickness, as a share of the joints',
+                               which are the greater ones. 0.01..1; 0: 1, round. Equal along a chain, or there is a
+                               step. A segment with twist can only be continued by a round one: UNSUPPORTED */
+    float wide[3];          /* which way the greater radius points, as built, of a root's or branch's section; the rest
+                               of its chain carries it on. Zero: any. The part along the axis is left out */
 } conemap_segment;
 
 enum { /* conemap_frustum.flags */
@@ -1088,11 +1096,11 @@ enum { /* conemap_frustum.flags */
 /* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point
    goes into the frustum's frame as (dot(axis_x, p - o), dot(axis_y, p - o), dot(axis_z, p - o)) with the origin o =
    (axis_x[3], axis_y[3], axis_z[3]). Nothing that reads a frustum relies on the rows' length: they may be scaled for
-   elliptical cross-sections, though conemap_skeleton_build makes round ones only. */
+   elliptical cross-sections: axis_z is 1 / flat long where conemap_segment.flat says so. */
 typedef struct conemap_frustum {
     float axis_x[4];        /* unit x axis; origin's x */
     float axis_y[4];        /* unit y axis; origin's y */
-    float axis_z[4];        /* unit z axis; origin's z */
+    float axis_z[4];        /* unit z axis, or longer: see above; origin's z */
     float lower[4];         /* a, b, c of the lower cutting plane y = a x + b z + c; slope of the normal there */
     float upper[4];         /* the same of the upper plane */
     float r, k;             /* inner radius at y = 0, and what it grows by per y */
@@ -11135,20 +11143,25 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
 }
 
 /* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
-   mixed by v. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
+   mixed by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the
+   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
    of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
-    double end[2][3], v = conemap__clamp01(at->v), m;
+    double end[2][3], v = conemap__clamp01(at->v), m, wide_x = 0.0, wide_z = 0.0;
     int e, k;
+    for (k = 0; k < 3; ++k) {
+        wide_x += (double)f->axis_x[k] * (double)f->axis_x[k];
+        wide_z += (double)f->axis_z[k] * (double)f->axis_z[k];
+    }
     for (e = 0; e < 2; ++e) {
         const float *plane = e ? f->upper : f->lower;
         double y = e ? at->upper : at->lower, rho = at->own.r + at->own.k * y, length;
         double a = (double)plane[0], b = (double)plane[1], lean;
-        y -= e ? (double)f->h : 0.0;
         end[e][0] = rho * at->sine;
-        end[e][1] = y;
         end[e][2] = rho * at->cosine;
-        length = sqrt(rho * rho + y * y);
+        y = a * end[e][0] * wide_x + b * end[e][2] * wide_z + (double)plane[2] - (e ? (double)f->h : 0.0);
+        end[e][1] = y;
+        length = sqrt(rho * rho * (at->sine * at->sine * wide_x + at->cosine * at->cosine * wide_z) + y * y);
         if (!(rho >
               1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
             end[e][0] = at->sine;
@@ -11156,7 +11169,7 @@ static void conemap__smooth_normal(const conemap_frustum *f, const conemap__plac
             end[e][2] = at->cosine;
             length = 1.0;
         }
-        lean = (double)plane[3] * length / sqrt(1.0 + a * a + b * b);
+        lean = (double)plane[3] * length / sqrt(1.0 + a * a * wide_x + b * b * wide_z);
         end[e][0] += lean * a;
         end[e][1] -= lean;
         end[e][2] += lean * b;
@@ -11340,8 +11353,10 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
 typedef struct conemap__bone {
     int base, top;
     float radius;               /* at the base; 0: the joint's */
+    float flat;                 /* conemap_segment.flat, 1 for round */
     float sine, cosine;         /* of the angle at the top where the texture's u is 0, twist included */
-    float rest_y[3], rest_z[3]; /* roots: the frame as built, which turns with the axis from there */
+    float rest_y[3], rest_z[3]; /* roots: the frame as built, which turns with the axis from there; branches: sine and
+                                   cosine of the angle in the carried frame where theirs begins, in rest_z[0], [1] */
 } conemap__bone;
 
 /* A node of the tree of boxes, in depth-first order: an inner node's first child follows it. */
@@ -11355,7 +11370,7 @@ typedef struct conemap__branch {
 typedef struct conemap__limb {
     int segment;
     double base[3], x[3], y[3], z[3]; /* its frame in the world */
-    double h, r, r_top, k, t, t_top;
+    double h, r, r_top, k, t, t_top, flat;
     double lower[3], upper[3]; /* cutting planes: a, b, c */
     double lean_lower, lean_upper;
     int flags;
@@ -11420,12 +11435,18 @@ static void conemap__carry(const double *from_y, const double *from_z, conemap__
     conemap__cross3(limb->y, limb->z, limb->x);
 }
 
+/* How far a limb's section of greater radius 1 reaches in a direction across the axis. */
+static double conemap__section_reach(const conemap__limb *limb, const double *across) {
+    double x = conemap__dot3(across, limb->x), z = conemap__dot3(across, limb->z) / limb->flat;
+    return 1.0 / sqrt(x * x + z * z);
+}
+
 /* Cuts two limbs that meet in a joint by one plane, and gives the second one its frame, in which u = 0 goes on from the
    first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial plane's
    normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on another. */
 static void conemap__join(conemap__limb *first, conemap__limb *next, double sine, double cosine, int fit) {
     double normal[3], p1[3], p2[3], z[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
-    double r = first->r_top, k1 = first->k, fitted, stretch[2];
+    double wide1, wide2, r, k1, r2, k2, fitted, stretch[2];
     int k;
     for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
     conemap__carry(first->y, z, next);
@@ -11439,19 +11460,25 @@ static void conemap__join(conemap__limb *first, conemap__limb *next, double sine
     }
     conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
     conemap__cross3(normal, next->y, p2);
+    wide1 = conemap__section_reach(first, p1);
+    wide2 = conemap__section_reach(next, p2);
+    r = first->r_top * wide1;
+    k1 = first->k * wide1;
+    r2 = next->r * wide2;
+    k2 = next->k * wide2;
     n1 = 1.0 + c; /* the bisecting plane through the joint */
     np = s;
     dot = 0.0;
-    fitted = fit ? conemap__fitted(r, k1, next->r, next->r_top, next->h, stretch) : 0.0;
+    fitted = fit ? conemap__fitted(r, k1, r2, next->r_top * wide2, next->h, stretch) : 0.0;
     if (fitted > 0.0) {
-        next->r = fitted;
-        next->k = (next->r_top - fitted) / next->h;
+        next->r = fitted / wide2;
+        next->k = (next->r_top - next->r) / next->h;
         n1 = stretch[0] + c * stretch[1];
         np = s * stretch[1];
-        dot = -(k1 + next->k) * r / stretch[0];
+        dot = -(k1 + next->k * wide2) * r / stretch[0];
     } else if (c > -0.77 && n1 + k1 * s > 0.1 * n1 && n1 - k1 * s > 0.1 * n1) {
-        double ya = conemap__boundary(r, k1, next->r, next->k, c, s);
-        double yb = conemap__boundary(r, k1, next->r, next->k, c, -s);
+        double ya = conemap__boundary(r, k1, r2, k2, c, s);
+        double yb = conemap__boundary(r, k1, r2, k2, c, -s);
         double a = r + k1 * ya, b = r + k1 * yb;
         if (a + b > 1e-6 * r && a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
             n1 = a + b;
@@ -11467,13 +11494,13 @@ static void conemap__join(conemap__limb *first, conemap__limb *next, double sine
        p2 */
     m = conemap__maxd(n1, 1e-9 * (conemap__absd(n1) + conemap__absd(np)));
     first->upper[0] = -np / m * conemap__dot3(p1, first->x);
-    first->upper[1] = -np / m * conemap__dot3(p1, first->z);
+    first->upper[1] = -np / m * conemap__dot3(p1, first->z) * first->flat;
     first->upper[2] = first->h + dot / m;
     along = c * n1 + s * np;
     across = c * np - s * n1;
     m = conemap__maxd(along, 1e-9 * (conemap__absd(along) + conemap__absd(across)));
     next->lower[0] = -across / m * conemap__dot3(p2, next->x);
-    next->lower[1] = -across / m * conemap__dot3(p2, next->z);
+    next->lower[1] = -across / m * conemap__dot3(p2, next->z) * next->flat;
     next->lower[2] = dot / m;
 }
 
@@ -11541,7 +11568,7 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     for (k = 0; k < 3; ++k) {
         f->axis_x[k] = (float)limb->x[k];
         f->axis_y[k] = (float)limb->y[k];
-        f->axis_z[k] = (float)limb->z[k];
+        f->axis_z[k] = (float)(limb->z[k] / limb->flat);
     }
     f->axis_x[3] = (float)limb->base[0];
     f->axis_y[3] = (float)limb->base[1];
@@ -11626,6 +11653,7 @@ static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_jo
     limb->t_top = (double)top->thickness;
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
+    limb->flat = (double)bone->flat;
     limb->flags = (f->parent < 0 ? CONEMAP_FRUSTUM_ROOT : 0) | (f->child < 0 ? CONEMAP_FRUSTUM_TIP : 0) |
                   (f->flags & (CONEMAP_FRUSTUM_C1 | CONEMAP_FRUSTUM_EXACT_U));
     if (skeleton->build.slope_normals) limb->lean_lower = limb->lean_upper = limb->k;
@@ -11685,8 +11713,25 @@ static void conemap__refit(conemap_skeleton *skeleton) {
     }
 }
 
-/* Skins every segment: chain by chain, so that a limb is settled as soon as the one that continues it has cut it. */
-static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joints) {
+/* Turns a branch's frame to its section's wide direction: as it was built, or, with a direction given, to that. */
+static void conemap__turn_limb(conemap__bone *bone, const float *wide, conemap__limb *limb) {
+    double x, z, length, turned[3];
+    int k;
+    if (wide) {
+        x = (double)wide[0] * limb->x[0] + (double)wide[1] * limb->x[1] + (double)wide[2] * limb->x[2];
+        z = (double)wide[0] * limb->z[0] + (double)wide[1] * limb->z[1] + (double)wide[2] * limb->z[2];
+        length = sqrt(x * x + z * z);
+        bone->rest_z[0] = length > 0.0 ? (float)(-z / length) : 0.0f;
+        bone->rest_z[1] = length > 0.0 ? (float)(x / length) : 1.0f;
+    }
+    for (k = 0; k < 3; ++k) turned[k] = (double)bone->rest_z[0] * limb->x[k] + (double)bone->rest_z[1] * limb->z[k];
+    memcpy(limb->z, turned, sizeof turned);
+    conemap__cross3(limb->y, limb->z, limb->x);
+}
+
+/* Skins every segment: chain by chain, so that a limb is settled as soon as the one that continues it has cut it. wide:
+   the segments while building, to learn how branches' sections lie; null later. */
+static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joints, const conemap_segment *wide) {
     conemap__limb limbs[2];
     const conemap_frustum *frusta = skeleton->build.frusta;
     int i, k, open = 0, clamped = 0; /* limbs[open & 1] waits for the one that continues it */
@@ -11705,9 +11750,11 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
             const conemap__bone *bone = &skeleton->build.bones[parent];
             for (k = 0; k < 3; ++k) {
                 y[k] = (double)f->axis_y[k];
-                z[k] = (double)bone->sine * (double)f->axis_x[k] + (double)bone->cosine * (double)f->axis_z[k];
+                z[k] = (double)bone->sine * (double)f->axis_x[k] +
+                       (double)bone->cosine * (double)bone->flat * (double)f->axis_z[k];
             }
             conemap__carry(y, z, limb);
+            conemap__turn_limb(&skeleton->build.bones[segment], wide ? wide[segment].wide : NULL, limb);
             limb->flags |= CONEMAP_FRUSTUM_BRANCH;
         } else {
             const conemap__bone *bone = &skeleton->build.bones[segment];
@@ -11754,7 +11801,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_memory(const conemap_skeleton_desc 
 /* Copies the segments into frusta and bones; children hang in their parent's list of branches. */
 static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
     conemap_frustum *frusta = skeleton->build.frusta;
-    int i;
+    int i, k;
     for (i = 0; i < skeleton->count; ++i) frusta[i].child = frusta[i].branch = frusta[i].sibling = -1;
     for (i = skeleton->count - 1; i >= 0; --i) { /* backwards, so that lists come out in order */
         const conemap_segment *s = &desc->segments[i];
@@ -11767,11 +11814,16 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
             return CONEMAP_ERROR_PARAMETER;
         if (!conemap__finite(s->radius) || s->radius < 0.0f) return CONEMAP_ERROR_RADIUS;
         if (s->radius > CONEMAP__FARTHEST) return CONEMAP_ERROR_PARAMETER;
+        if (conemap__bits(s->flat) << 1 != 0 && !conemap__in_range(s->flat, 0.01f, 1.0f))
+            return CONEMAP_ERROR_PARAMETER;
+        for (k = 0; k < 3; ++k)
+            if (!conemap__in_range(s->wide[k], -CONEMAP__FARTHEST, CONEMAP__FARTHEST)) return CONEMAP_ERROR_PARAMETER;
         if (s->parent >= skeleton->count || (s->parent >= 0 && desc->segments[s->parent].top != s->base))
             return CONEMAP_ERROR_PARENT;
         bone->base = s->base;
         bone->top = s->top;
         bone->radius = s->radius;
+        bone->flat = conemap__bits(s->flat) << 1 == 0 ? 1.0f : s->flat;
         conemap__turn(-(double)s->twist, &sine, &cosine);
         bone->sine = (float)sine;
         bone->cosine = (float)cosine;
@@ -11849,12 +11901,21 @@ static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_s
         if (!conemap__in_range(frusta[segment].v_start, -1e9f, 1e9f) ||
             !conemap__in_range(frusta[segment].v_size, -1e9f, 1e9f))
             return CONEMAP_ERROR_PARAMETER;
-        if (parent >= 0) continue;
-        for (k = 1; k < 3; ++k)
-            if (conemap__absd(limb.y[k]) < conemap__absd(limb.y[least])) least = k;
-        limb.x[least] = 1.0; /* z across the axis and the world axis that it leans to least */
+        if (parent >= 0) {
+            if (frusta[parent].child == segment && bone->flat < 1.0f && conemap__bits(frusta[parent].twist) << 1 != 0)
+                return CONEMAP_ERROR_UNSUPPORTED;
+            continue;
+        }
+        for (k = 0; k < 3; ++k) limb.x[k] = (double)desc->segments[segment].wide[k];
         conemap__cross3(limb.x, limb.y, limb.z);
-        conemap__normalise3(limb.z);
+        if (!conemap__normalise3(limb.z)) { /* z across the axis and the world axis that it leans to least */
+            for (k = 1; k < 3; ++k)
+                if (conemap__absd(limb.y[k]) < conemap__absd(limb.y[least])) least = k;
+            memset(limb.x, 0, sizeof limb.x);
+            limb.x[least] = 1.0;
+            conemap__cross3(limb.x, limb.y, limb.z);
+            conemap__normalise3(limb.z);
+        }
         for (k = 0; k < 3; ++k) {
             bone->rest_y[k] = (float)limb.y[k];
             bone->rest_z[k] = (float)limb.z[k];
@@ -11968,7 +12029,7 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     if (result == CONEMAP_OK) result = conemap__order_segments(skeleton, desc->joints);
     if (result == CONEMAP_OK) result = conemap__rest(desc, skeleton);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, desc->joints);
+    conemap__skin(skeleton, desc->joints, desc->segments);
     conemap__plant(skeleton);
     conemap__refit(skeleton);
     return CONEMAP_OK;
@@ -11989,7 +12050,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, 
     if (!skeleton || !skeleton->frusta || !joints) return CONEMAP_ERROR_NULL;
     result = conemap__check_joints(skeleton, joints);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, joints);
+    conemap__skin(skeleton, joints, NULL);
     conemap__refit(skeleton);
     return CONEMAP_OK;
 }

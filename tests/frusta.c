@@ -157,11 +157,23 @@ static void make_chain(struct zoo_random *random, int shape, float bend, int cou
     chain->desc.segment_count = count;
 }
 
+/* Makes a chain's sections elliptical; its segments' twist goes. */
+static void flatten(struct zoo_random *random, float flat, struct chain *chain)
+{
+    int i, k;
+    for (k = 0; k < 3; ++k) chain->segments[0].wide[k] = spread(random, 1.0f);
+    for (i = 0; i < chain->desc.segment_count; ++i) {
+        chain->segments[i].flat = flat;
+        chain->segments[i].twist = 0;
+    }
+}
+
 static int random_skeleton(struct zoo_random *random, struct chain *chain, conemap_skeleton *skeleton)
 {
     const int shape = zoo_below(random, SHAPES);
     const float bends[] = {0.0f, 1e-7f, 1e-3f, 0.1f, 0.5f, 2.0f};
     make_chain(random, shape, bends[zoo_below(random, 6)], 1 + zoo_below(random, 6), chain);
+    if (zoo_below(random, 3) == 0) flatten(random, zoo_between(random, 0.05f, 1.0f), chain);
     return CHECK(conemap_skeleton_build(&chain->desc, skeleton) == CONEMAP_OK, "shape %d: %s", shape,
                  conemap_result_string(conemap_skeleton_build(&chain->desc, skeleton)));
 }
@@ -269,7 +281,7 @@ static void spans(void)
         }
         f = skeleton.frusta[zoo_below(&random, skeleton.count)];
         ray = hard_ray(&random, &f);
-        if (round % 16 == 0) { /* an elliptical section: another linear map, nothing else */
+        if (round % 16 == 0) { /* a wider section: another linear map, nothing else */
             int k;
             for (k = 0; k < 3; ++k) f.axis_x[k] *= 1.7f;
         }
@@ -529,6 +541,129 @@ static void exact_u(void)
     CHECK(worst[1] < 1e-5, "u differs by %g with exact_u", worst[1]);
     test_note("u of fitted cones apart: aligned at a point %.4f, least rotation %.4f, exact %.1g (outer surface %.4f)",
               paper, worst[0], worst[1], shell);
+}
+
+/* Sections with two radii: they are as wide as told, towards where told; their seams close and u goes on, in any bend
+   if the radii do not change, and if they do, with fit and exact_u, in bends along an axis of the section; and normals
+   go on with them. */
+static void elliptical(void)
+{
+    struct zoo_random random = zoo_seed(520);
+    double apart_u = 0, apart_w = 0, jump = 0, jump_true = 0;
+    int round, i, n, k, looked = 0;
+    for (round = 0; round < 60; ++round) {
+        const float flat = zoo_between(&random, 0.1f, 0.9f);
+        const int tapered = round & 1;
+        struct chain chain;
+        conemap_skeleton skeleton;
+        double wide[3], y[3], z[3], across;
+        make_chain(&random, tapered ? TAPERED : CYLINDERS, 0.25f, 3, &chain);
+        for (i = 0; i < 4; ++i) chain.joints[i].thickness = 0;
+        flatten(&random, flat, &chain);
+        if (tapered) { /* bent in one plane */
+            for (i = 0; i < 4; ++i) chain.joints[i].position[2] = 0;
+            for (k = 0; k < 3; ++k) chain.segments[0].wide[k] = (k == 2) == (round / 2 % 2) ? 1.0f : 0.0f;
+        }
+        chain.desc.fit = chain.desc.exact_u = tapered;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        looked += skeleton.clamped == 0;
+        for (k = 0; k < 3; ++k) {
+            y[k] = (double)chain.joints[1].position[k] - (double)chain.joints[0].position[k];
+            wide[k] = (double)chain.segments[0].wide[k];
+        }
+        unit(y);
+        across = dot(wide, y);
+        for (k = 0; k < 3; ++k) wide[k] -= across * y[k];
+        unit(wide);
+        cross(wide, y, z);
+        for (n = 0; n < 2; ++n) { /* the ends of both axes of the root's section */
+            float uvw[3] = {0, 0, 0}, p[3];
+            double off[3], right = (double)(chain.joints[0].radius * (n ? flat : 1.0f));
+            uvw[0] = n ? 0.0f : 0.25f;
+            REQUIRE(conemap_frustum_point(&skeleton.frusta[0], uvw, p) == CONEMAP_OK, "point");
+            for (k = 0; k < 3; ++k) off[k] = (double)p[k] - (double)chain.joints[0].position[k];
+            CHECK(fabs(fabs(dot(off, n ? z : wide)) - right) < 1e-5 && fabs(sqrt(dot(off, off)) - right) < 1e-5,
+                  "round %d: an axis is %g long, right %g", round, sqrt(dot(off, off)), right);
+        }
+        for (i = 0; i + 1 < 3 && skeleton.clamped == 0; ++i) {
+            const conemap_frustum *f = &skeleton.frusta[i], *g = &skeleton.frusta[i + 1];
+            for (n = 0; n < 32; ++n) {
+                float uvw[3] = {0, 1, 0}, p[3], back[3];
+                double at[3], world[3], smooth[2][3], plain[2][3], between = 0, between_true = 0;
+                conemap_skeleton_trace_desc trace;
+                conemap__place_uvw place;
+                memset(&trace, 0, sizeof trace);
+                uvw[0] = (float)n / 32.0f;
+                REQUIRE(conemap_frustum_point(f, uvw, p) == CONEMAP_OK, "point");
+                REQUIRE(conemap_frustum_uvw(g, p, back) == CONEMAP_OK, "uvw");
+                apart_u = fmax(apart_u, turns_apart((double)uvw[0], (double)back[0]));
+                apart_w = fmax(apart_w, fabs((double)back[2]));
+                for (k = 0; k < 3; ++k) world[k] = (double)p[k];
+                local_point(f, world, at);
+                conemap__normals(f, &trace, at, &place, smooth[0], plain[0]);
+                local_point(g, world, at);
+                conemap__normals(g, &trace, at, &place, smooth[1], plain[1]);
+                for (k = 0; k < 3; ++k) {
+                    between += (smooth[0][k] - smooth[1][k]) * (smooth[0][k] - smooth[1][k]);
+                    between_true += (plain[0][k] - plain[1][k]) * (plain[0][k] - plain[1][k]);
+                }
+                if (!tapered) jump = fmax(jump, sqrt(between));
+                jump_true = fmax(jump_true, sqrt(between_true));
+            }
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(looked > 30, "only %d are not clamped", looked);
+    CHECK(apart_u < 1e-5 && apart_w < 1e-5, "seams: u %g apart, surfaces %g", apart_u, apart_w);
+    CHECK(jump < 1e-5 && jump_true > 0.1, "normals jump by %g, true ones by %g", jump, jump_true);
+}
+
+/* A branch's section lies as told, and turns along when joints move. */
+static void elliptical_branch(void)
+{
+    conemap_joint joints[4] = {{{0, 0, 0}, 1, 0}, {{0, 4, 0}, 1, 0}, {{0, 8, 0}, 1, 0}, {{5, 4, 0}, 0.4f, 0}};
+    conemap_segment segments[3];
+    conemap_skeleton_desc desc;
+    conemap_skeleton skeleton;
+    float before[3];
+    int k;
+    memset(segments, 0, sizeof segments);
+    memset(&desc, 0, sizeof desc);
+    segments[0].top = 1;
+    segments[0].parent = -1;
+    segments[1].base = 1;
+    segments[1].top = 2;
+    segments[2].base = 1;
+    segments[2].top = 3;
+    segments[2].radius = 0.5f;
+    segments[2].flat = 0.25f;
+    segments[2].wide[0] = 1;
+    segments[2].wide[1] = 2;
+    segments[2].wide[2] = 2;
+    segments[0].flat = 0.5f;
+    segments[1].flat = 0.5f;
+    desc.joints = joints;
+    desc.joint_count = 4;
+    desc.segments = segments;
+    desc.segment_count = 3;
+    REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "build");
+    CHECK(fabsf(skeleton.frusta[2].axis_x[1] - 0.70710678f) < 1e-6f &&
+              fabsf(skeleton.frusta[2].axis_x[2] - 0.70710678f) < 1e-6f,
+          "the branch is wide along %g %g %g", (double)skeleton.frusta[2].axis_x[0],
+          (double)skeleton.frusta[2].axis_x[1], (double)skeleton.frusta[2].axis_x[2]);
+    memcpy(before, skeleton.frusta[2].axis_x, sizeof before);
+    REQUIRE(conemap_skeleton_update(&skeleton, joints) == CONEMAP_OK, "update");
+    CHECK(memcmp(before, skeleton.frusta[2].axis_x, sizeof before) == 0, "an update that moves nothing");
+    for (k = 1; k < 4; ++k) { /* a quarter turn of everything about z: (x, y) to (-y, x) */
+        const float x = joints[k].position[0];
+        joints[k].position[0] = -joints[k].position[1];
+        joints[k].position[1] = x;
+    }
+    REQUIRE(conemap_skeleton_update(&skeleton, joints) == CONEMAP_OK, "update");
+    CHECK(fabsf(skeleton.frusta[2].axis_x[0] + before[1]) < 1e-6f &&
+              fabsf(skeleton.frusta[2].axis_x[2] - before[2]) < 1e-6f,
+          "the section turns along");
+    conemap_skeleton_free(&skeleton);
 }
 
 /* A ray straight at the axis, towards the point (u, v). */
@@ -995,6 +1130,7 @@ static void relief_rays(const conemap_skeleton_trace_desc *trace, int rounds, in
             chain.segments[k].u_repeat = 1 + round % 2;
         }
         chain.desc.exact_u = round / 2 % 2;
+        if (round % 5 == 4) flatten(&random, 0.4f, &chain);
         if (!relief_map(kinds[round % 5], (uint32_t)round, heights, &map, &truth)) return;
         if (!CHECK(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build")) return;
         desc.map = &map;
@@ -1361,6 +1497,7 @@ static void make_tree(struct zoo_random *random, int count, conemap_joint *joint
         segments[i].top = i + 1;
         segments[i].parent = parent;
         for (k = 0; k < 3; ++k) joints[i + 1].position[k] = joints[base].position[k] + spread(random, 2.0f);
+        if (i % 5 == 3) segments[i].flat = segments[i].wide[i % 3] = 0.5f;
         joints[i + 1].radius = 0.05f + 0.2f * zoo_unit(random);
         joints[i + 1].thickness = 0.05f;
     }
@@ -1597,7 +1734,9 @@ static void wild_skeletons(void)
         chain.desc.joint_count = count + 1;
         chain.desc.segments = chain.segments;
         chain.desc.segment_count = count;
+        if (round % 4 == 3) flatten(&random, zoo_between(&random, 0.01f, 1.0f), &chain);
         chain.desc.fit = zoo_below(&random, 2);
+        chain.desc.exact_u = zoo_below(&random, 2);
         chain.desc.slope_normals = round & 1;
         chain.desc.blend = (float)(round % 3);
         if (conemap_skeleton_build(&chain.desc, &skeleton) != CONEMAP_OK) continue;
@@ -1733,6 +1872,12 @@ static void bad_skeletons(void)
     EXPECT((chain.segments[3].top = 0, chain.segments[0].parent = 3), CONEMAP_ERROR_CYCLE);
     EXPECT((chain.segments[3].top = 3, chain.segments[3].parent = 3), CONEMAP_ERROR_LENGTH); /* its own parent */
     EXPECT(chain.segments[2].twist = (float)NAN, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].flat = (float)NAN, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].flat = -0.5f, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].flat = 2.0f, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.segments[2].wide[1] = (float)INFINITY, CONEMAP_ERROR_PARAMETER);
+    EXPECT((chain.segments[2].flat = 0.5f, chain.segments[1].twist = 0.5f), CONEMAP_ERROR_UNSUPPORTED);
+    EXPECT((chain.segments[2].flat = 0.5f, chain.segments[2].twist = 0.5f), CONEMAP_OK);
     EXPECT(chain.segments[2].u_repeat = -1, CONEMAP_ERROR_PARAMETER);
     EXPECT(chain.segments[2].radius = -1.0f, CONEMAP_ERROR_RADIUS);
     EXPECT(chain.segments[2].v_size = (float)INFINITY, CONEMAP_ERROR_PARAMETER);
@@ -1809,6 +1954,8 @@ const struct test_case frusta_tests[] = {
     {"contained", contained},
     {"seams", seams},
     {"exact u", exact_u},
+    {"elliptical", elliptical},
+    {"elliptical branch", elliptical_branch},
     {"joint normals", joint_normals},
     {"branch normals", branch_normals},
     {"equations of the cut", equations_of_the_cut},
