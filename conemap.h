@@ -1054,7 +1054,7 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    exactly where they share an ellipse, so at relative height 0 of fitted joints.
 
    Limits. Bends beyond 140 degrees, and
-   segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
+   segments too short for their bends, get planes of their own, flagged, and show a notch, or with `round_joins` a ball. Branches meet their parent in
    a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
    and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
    sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
@@ -1090,7 +1090,8 @@ enum { /* conemap_frustum.flags */
     CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend */
     CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* is too sharp or the planes would meet inside: the joint may show a notch */
     CONEMAP_FRUSTUM_C1 = 32,     /* conemap_skeleton_desc.c1_normals */
-    CONEMAP_FRUSTUM_EXACT_U = 64 /* conemap_skeleton_desc.exact_u */
+    CONEMAP_FRUSTUM_EXACT_U = 64, /* conemap_skeleton_desc.exact_u */
+    CONEMAP_FRUSTUM_ROUND = 128  /* a piece of a round join */
 };
 
 /* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point
@@ -1131,6 +1132,13 @@ typedef struct conemap_skeleton_desc {
                                that meet, which is C0 as well and nearer to the surface (domes, tips) */
     int c1_normals;         /* nonzero: end normals are mixed by v^2 (3 - 2 v) instead of v, so that normals are C1
                                across joints as functions of (u, v); they change faster mid-segment */
+    int round_joins;        /* pieces of a round join; 0: none. 2..8. A joint that is too sharp to be cut, as built, is
+                               not: the segment that ends there gets a dome of so many short segments, around a ball of
+                               its radius, and the next one begins inside it like a branch. A joint is too sharp if
+                               either cut would reach farther than 0.4 of its segment, with the corners of the bounds,
+                               or be steeper than 70 degrees or the cone's taper allows. Those that are left have cuts
+                               that never meet inside a shell, and no frustum is clamped; without `fit` that is certain,
+                               as built (clamped is 0). Which joints are round is settled by the joints as built */
     float blend;            /* how far from a branch's foot its normals and its parent's mix, in radii of its base;
                                0: not at all, a crease. Up to 16 */
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
@@ -1141,9 +1149,10 @@ typedef struct conemap_skeleton_desc {
 /* A skinned skeleton. Read-only for the caller; free it with conemap_skeleton_free. May be copied or moved: free one
    copy only. */
 typedef struct conemap_skeleton {
-    const conemap_frustum *frusta; /* one a segment, in the caller's order: count * sizeof(conemap_frustum) bytes to
-                                      upload */
+    const conemap_frustum *frusta; /* one a segment, in the caller's order, then the pieces of round joins: count *
+                                      sizeof(conemap_frustum) bytes to upload */
     int count;
+    int rounded;            /* round joins */
     int clamped;            /* frusta with a CONEMAP_FRUSTUM_CLAMPED_... flag, as of the last update */
     float low[3], high[3];  /* a box around all shells */
     size_t memory_size;     /* bytes held */
@@ -1151,9 +1160,10 @@ typedef struct conemap_skeleton {
         void *memory;
         int owns_memory;
         conemap_allocator allocator;
-        int joint_count, fit, slope_normals, nodes;
+        int joint_count, segment_count, pieces, fit, slope_normals, nodes;
         float blend;
         conemap_frustum *frusta;
+        conemap_joint *joints; /* the caller's and those of round joins; null without any */
         struct conemap__bone *bones;
         struct conemap__branch *tree;
         int *order;         /* segments chain by chain, parents first */
@@ -1195,8 +1205,8 @@ typedef struct conemap_skeleton_hit {
     int steps;              /* samples of the relief along the whole ray */
 } conemap_skeleton_hit;
 
-/* The bytes that conemap_skeleton_build needs. Checks the counts only. Errors: NULL, SIZE (a count below 1 or above
-   2^28), OVERFLOW. */
+/* The bytes that conemap_skeleton_build needs. Checks the counts only, and with round_joins looks for sharp joints too.
+   Errors: NULL, SIZE (a count below 1 or above 2^28), OVERFLOW; with round_joins: PARAMETER, JOINT, PARENT. */
 CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size);
 
 /* Skins a skeleton. skeleton: overwritten, whatever it held; zeroed unless OK.
@@ -11345,6 +11355,7 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
                                      sqrt(2) further out */
 #define CONEMAP__FIT 0.25       /* the most that a fit changes a radius, as a share */
 #define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
+#define CONEMAP__CLEAR 0.4      /* how far along a segment a cut may reach before its joint is too sharp */
 #define CONEMAP__FARTHEST 1e12f /* a joint's coordinate */
 #define CONEMAP__LEAF 2         /* frusta in a leaf */
 #define CONEMAP__CHAIN 4        /* segments of a chain that are searched for branches nearby */
@@ -11631,32 +11642,129 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     return limb->flags;
 }
 
-/* A limb's axis, radii and upright planes from the joints. */
-static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_joint *joints, int segment,
+/* A limb's axis, radii and upright planes from its joints; radius: its own at the base, 0: the joint's. */
+static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *top, float radius, float flat,
                               conemap__limb *limb) {
-    const conemap__bone *bone = &skeleton->build.bones[segment];
-    const conemap_frustum *f = &skeleton->build.frusta[segment];
-    const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
     int k;
     memset(limb, 0, sizeof *limb);
-    limb->segment = segment;
     for (k = 0; k < 3; ++k) {
         limb->base[k] = (double)base->position[k];
         limb->y[k] = (double)top->position[k] - (double)base->position[k];
     }
     limb->h = sqrt(conemap__dot3(limb->y, limb->y));
     for (k = 0; k < 3; ++k) limb->y[k] /= limb->h;
-    limb->r = bone->radius > 0.0f ? (double)bone->radius : (double)base->radius;
+    limb->r = radius > 0.0f ? (double)radius : (double)base->radius;
     limb->r_top = (double)top->radius;
     limb->t = (double)base->thickness;
-    if (bone->radius > 0.0f && base->radius > 0.0f) limb->t *= (double)bone->radius / (double)base->radius;
+    if (radius > 0.0f && base->radius > 0.0f) limb->t *= (double)radius / (double)base->radius;
     limb->t_top = (double)top->thickness;
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
-    limb->flat = (double)bone->flat;
+    limb->flat = (double)flat;
+}
+
+static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_joint *joints, int segment,
+                              conemap__limb *limb) {
+    const conemap__bone *bone = &skeleton->build.bones[segment];
+    const conemap_frustum *f = &skeleton->build.frusta[segment];
+    conemap__lay_limb(&joints[bone->base], &joints[bone->top], bone->radius, bone->flat, limb);
+    limb->segment = segment;
     limb->flags = (f->parent < 0 ? CONEMAP_FRUSTUM_ROOT : 0) | (f->child < 0 ? CONEMAP_FRUSTUM_TIP : 0) |
-                  (f->flags & (CONEMAP_FRUSTUM_C1 | CONEMAP_FRUSTUM_EXACT_U));
+                  (f->flags & (CONEMAP_FRUSTUM_C1 | CONEMAP_FRUSTUM_EXACT_U | CONEMAP_FRUSTUM_ROUND));
     if (skeleton->build.slope_normals) limb->lean_lower = limb->lean_upper = limb->k;
+}
+
+/* Whether a plane near a limb's joint stays clear of the other half of the limb, with the corners of its bounds, and
+   needs no clamp. radius, thickness: of the limb there; joint: its place along the axis. */
+static int conemap__clear(const conemap__limb *limb, const double *plane, double joint, double radius,
+                          double thickness) {
+    double slope = sqrt(plane[0] * plane[0] + plane[1] * plane[1]), off = conemap__absd(plane[2] - joint);
+    double k = conemap__maxd(conemap__absd(limb->k), conemap__absd(limb->k + (limb->t_top - limb->t) / limb->h));
+    double corner = 1.4142135623730951 * slope;
+    return slope <= CONEMAP__STEEPEST && k * slope <= 0.8 * CONEMAP__CONE_ROOM &&
+           off * conemap__absd(limb->k) <= 0.5 * radius && off * k <= 0.5 * (radius + thickness) &&
+           off + corner * (radius + thickness) <= CONEMAP__CLEAR * limb->h * (1.0 - k * corner);
+}
+
+/* Whether a joint is too sharp to be cut by one plane, for limbs with nothing but their geometry. As if round: a flat
+   section reaches less far. */
+static int conemap__sharp(const conemap__limb *before, const conemap__limb *after, int fit) {
+    conemap__limb first = *before, next = *after;
+    first.flat = next.flat = 1.0;
+    first.z[conemap__absd(first.y[0]) < 0.6 ? 0 : 1] = 1.0;
+    conemap__carry(first.y, first.z, &first); /* its part across the axis */
+    conemap__join(&first, &next, 0.0, 1.0, fit);
+    return !(conemap__clear(&first, first.upper, first.h, first.r_top, first.t_top) &&
+             conemap__clear(&next, next.lower, 0.0, next.r, next.t));
+}
+
+/* The joints of round joins: polygons around a quarter of the circle about the joint, the first side along the last
+   segment's own, the last one to a point. They are never so short that their axis is lost to rounding. */
+static void conemap__place_rounds(const conemap_skeleton *skeleton, const conemap_joint *joints) {
+    int pieces = skeleton->build.pieces, segment = skeleton->build.segment_count, done = skeleton->build.joint_count;
+    int n, k;
+    memcpy(skeleton->build.joints, joints, (size_t)done * sizeof *joints);
+    for (; segment < skeleton->count; segment += pieces) {
+        const conemap__bone *bone = &skeleton->build.bones[skeleton->build.frusta[segment].parent];
+        const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
+        double d[3], length, size = (double)top->radius;
+        for (k = 0; k < 3; ++k) {
+            d[k] = (double)top->position[k] - (double)base->position[k];
+            size = conemap__maxd(size, 3e-5 * conemap__absd((double)top->position[k]));
+        }
+        length = sqrt(conemap__dot3(d, d));
+        size = conemap__maxd(size, 0.01 * length);
+        for (n = 1; n <= pieces; ++n) {
+            conemap_joint *joint = &skeleton->build.joints[done++];
+            double turn = 0.25 / (double)pieces, sine, cosine, shrink, keep;
+            conemap__turn(0.5 * turn, &keep, &shrink);
+            conemap__turn(((double)n - 0.5) * turn, &sine, &cosine);
+            if (n == pieces) {
+                conemap__turn((double)(n - 1) * turn, &shrink, &keep);
+                sine = 1.0;
+                cosine = 0.0;
+            }
+            for (k = 0; k < 3; ++k)
+                joint->position[k] = (float)((double)top->position[k] + d[k] / length * size * sine / shrink);
+            joint->radius = (float)((double)top->radius * cosine / shrink);
+            joint->thickness = (float)((double)top->thickness * cosine / shrink);
+        }
+    }
+}
+
+/* Makes joins round where a segment and the one that continues it meet too sharply. */
+static void conemap__round_joins(conemap_skeleton *skeleton, const conemap_joint *joints) {
+    conemap_frustum *frusta = skeleton->build.frusta;
+    int pieces = skeleton->build.pieces, joint = skeleton->build.joint_count, i, n;
+    for (i = 0; i < skeleton->build.segment_count && pieces > 0; ++i) {
+        int child = frusta[i].child, first = skeleton->count;
+        conemap__limb limb, other;
+        if (child < 0) continue;
+        conemap__set_limb(skeleton, joints, i, &limb);
+        conemap__set_limb(skeleton, joints, child, &other);
+        if (!conemap__sharp(&limb, &other, skeleton->build.fit)) continue;
+        for (n = 0; n < pieces; ++n) {
+            conemap_frustum *f = &frusta[first + n];
+            conemap__bone *bone = &skeleton->build.bones[first + n];
+            f->parent = n ? first + n - 1 : i;
+            f->child = n + 1 < pieces ? first + n + 1 : -1;
+            f->branch = f->sibling = -1;
+            f->u_repeat = frusta[i].u_repeat;
+            f->user = frusta[i].user;
+            f->flags = frusta[i].flags | CONEMAP_FRUSTUM_ROUND;
+            bone->base = n ? joint - 1 : skeleton->build.bones[i].top;
+            bone->top = joint++;
+            bone->flat = skeleton->build.bones[i].flat;
+            bone->cosine = 1.0f;
+        }
+        frusta[i].child = first;
+        frusta[child].sibling = frusta[i].branch;
+        frusta[i].branch = child;
+        skeleton->count += pieces;
+        ++skeleton->rounded;
+    }
+    if (skeleton->rounded == 0) skeleton->build.joints = NULL;
+    if (skeleton->build.joints) conemap__place_rounds(skeleton, joints);
 }
 
 /* Whether every segment can be skinned with these joints. */
@@ -11674,7 +11782,7 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
         if (joint->radius > CONEMAP__FARTHEST || joint->thickness > CONEMAP__FARTHEST)
             return CONEMAP_ERROR_PARAMETER;
     }
-    for (i = 0; i < skeleton->count; ++i) {
+    for (i = 0; i < skeleton->build.segment_count; ++i) {
         const conemap__bone *bone = &skeleton->build.bones[i];
         const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
         double d[3], p[3], widest, reach;
@@ -11742,7 +11850,8 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
         conemap__set_limb(skeleton, joints, segment, limb);
         if (parent >= 0 && frusta[parent].child == segment) {
             const conemap__bone *bone = &skeleton->build.bones[parent];
-            conemap__join(before, limb, (double)bone->sine, (double)bone->cosine, skeleton->build.fit);
+            conemap__join(before, limb, (double)bone->sine, (double)bone->cosine,
+                          skeleton->build.fit && !(limb->flags & CONEMAP_FRUSTUM_ROUND));
             if (skeleton->build.slope_normals) limb->lean_lower = before->lean_upper = 0.5 * (before->k + limb->k);
         } else if (parent >=
                    0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
@@ -11776,13 +11885,45 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
 
 /* ---- building --------------------------------------------------------------------------------------- */
 
-static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, size_t *memory_size) {
+/* How many joins may be round: joints too sharp for a segment and any of its children. */
+static conemap_result conemap__count_rounds(const conemap_skeleton_desc *desc, size_t *rounds) {
+    int i;
+    *rounds = 0;
+    if (desc->round_joins == 0) return CONEMAP_OK;
+    if (desc->round_joins < 2 || desc->round_joins > 8) return CONEMAP_ERROR_PARAMETER;
+    if (!desc->joints || !desc->segments) return CONEMAP_ERROR_NULL;
+    for (i = 0; i < desc->segment_count; ++i) {
+        const conemap_segment *s = &desc->segments[i];
+        if (s->base < 0 || s->base >= desc->joint_count || s->top < 0 || s->top >= desc->joint_count)
+            return CONEMAP_ERROR_JOINT;
+        if (s->parent >= desc->segment_count) return CONEMAP_ERROR_PARENT;
+    }
+    for (i = 0; i < desc->segment_count; ++i) {
+        const conemap_segment *s = &desc->segments[i], *before = &desc->segments[s->parent < 0 ? 0 : s->parent];
+        conemap__limb limb, other;
+        if (s->parent < 0) continue;
+        conemap__lay_limb(&desc->joints[before->base], &desc->joints[before->top], before->radius, 1.0f, &limb);
+        conemap__lay_limb(&desc->joints[s->base], &desc->joints[s->top], s->radius, 1.0f, &other);
+        *rounds += conemap__sharp(&limb, &other, desc->fit) ? 1 : 0;
+    }
+    return CONEMAP_OK;
+}
+
+/* Bytes, and room for how many round joins. */
+static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, size_t *memory_size, size_t *rounds) {
+    conemap_result result;
     size_t count, size = 0;
     *memory_size = 0;
     if (desc->joint_count < 1 || desc->joint_count > (1 << 28) || desc->segment_count < 1 ||
         desc->segment_count > (1 << 28))
         return CONEMAP_ERROR_SIZE;
-    count = (size_t)desc->segment_count;
+    result = conemap__count_rounds(desc, rounds);
+    if (result != CONEMAP_OK) return result;
+    count = (size_t)desc->segment_count + *rounds * (size_t)desc->round_joins;
+    if (count > (1u << 28)) return CONEMAP_ERROR_SIZE;
+    if (*rounds && !conemap__add_size(&size, (size_t)desc->joint_count + *rounds * (size_t)desc->round_joins,
+                                      sizeof(conemap_joint)))
+        return CONEMAP_ERROR_OVERFLOW;
     if (!conemap__add_size(&size, count, sizeof(conemap_frustum)) ||
         !conemap__add_size(&size, count, sizeof(conemap__bone)) ||
         !conemap__add_size(&size, 2 * count, sizeof(conemap__branch)) ||
@@ -11794,8 +11935,9 @@ static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, 
 }
 
 CONEMAP__DEF conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size) {
+    size_t rounds;
     if (!desc || !memory_size) return CONEMAP_ERROR_NULL;
-    return conemap__skeleton_size(desc, memory_size);
+    return conemap__skeleton_size(desc, memory_size, &rounds);
 }
 
 /* Copies the segments into frusta and bones; children hang in their parent's list of branches. */
@@ -11842,7 +11984,7 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
     return CONEMAP_OK;
 }
 
-/* Of each segment's children one continues it; then the order of the work, chain by chain. A segment that no root leads
+/* Of each segment's children one continues it; round joins; then the order of the work, chain by chain. A segment that no root leads
    to is part of a cycle. */
 static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const conemap_joint *joints) {
     conemap_frustum *frusta = skeleton->build.frusta;
@@ -11869,6 +12011,7 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
         frusta[best].sibling = -1;
         frusta[i].child = best;
     }
+    conemap__round_joins(skeleton, joints);
     for (i = 0; i < skeleton->count; ++i) {
         if (frusta[i].parent >= 0) continue;
         stack[depth++] = i;
@@ -11885,14 +12028,21 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
 }
 
 /* What stays as it was built: the map's v along the chains, and the roots' frames. */
-static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+static conemap_result conemap__rest(const conemap_skeleton_desc *desc, const conemap_joint *joints,
+                                    conemap_skeleton *skeleton) {
     conemap_frustum *frusta = skeleton->build.frusta;
     int i, k;
     for (i = 0; i < skeleton->count; ++i) {
         int segment = skeleton->build.order[i], parent = frusta[segment].parent, least = 0;
         conemap__bone *bone = &skeleton->build.bones[segment];
         conemap__limb limb;
-        conemap__set_limb(skeleton, desc->joints, segment, &limb);
+        conemap__set_limb(skeleton, joints, segment, &limb);
+        if (frusta[segment].flags & CONEMAP_FRUSTUM_ROUND) { /* goes on as the segment it ends */
+            conemap__limb before;
+            conemap__set_limb(skeleton, joints, parent, &before);
+            frusta[segment].v_size = (float)((double)frusta[parent].v_size * limb.h / before.h);
+            frusta[segment].v_start = frusta[parent].v_start + frusta[parent].v_size;
+        }
         if (conemap__bits(frusta[segment].v_size) << 1 == 0)
             frusta[segment].v_size =
                 desc->v_per_length > 0.0f ? (float)(limb.h * (double)desc->v_per_length) : 1.0f;
@@ -11995,11 +12145,12 @@ static void conemap__plant(conemap_skeleton *skeleton) {
 
 static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
     unsigned char *cursor;
-    size_t count, size;
+    size_t count, size, rounds;
     conemap_result result;
+    const conemap_joint *joints = desc->joints;
     if (!desc->joints || !desc->segments) return CONEMAP_ERROR_NULL;
     if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
-    result = conemap__skeleton_size(desc, &size);
+    result = conemap__skeleton_size(desc, &size, &rounds);
     if (result != CONEMAP_OK) return result;
     if (!conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
         !conemap__in_range(desc->blend, 0.0f, 16.0f))
@@ -12009,8 +12160,11 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
                            &skeleton->build.memory, &skeleton->build.owns_memory);
     if (result != CONEMAP_OK) return result;
     memset(skeleton->build.memory, 0, size);
-    count = (size_t)desc->segment_count;
+    count = (size_t)desc->segment_count + rounds * (size_t)desc->round_joins;
     cursor = (unsigned char *)skeleton->build.memory;
+    if (rounds)
+        skeleton->build.joints = (conemap_joint *)conemap__cut(
+            &cursor, (size_t)desc->joint_count + rounds * (size_t)desc->round_joins, sizeof(conemap_joint));
     skeleton->build.frusta = (conemap_frustum *)conemap__cut(&cursor, count, sizeof(conemap_frustum));
     skeleton->build.bones = (conemap__bone *)conemap__cut(&cursor, count, sizeof(conemap__bone));
     skeleton->build.tree = (conemap__branch *)conemap__cut(&cursor, 2 * count, sizeof(conemap__branch));
@@ -12021,15 +12175,18 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     skeleton->count = desc->segment_count;
     skeleton->memory_size = size;
     skeleton->build.joint_count = desc->joint_count;
+    skeleton->build.segment_count = desc->segment_count;
+    skeleton->build.pieces = rounds ? desc->round_joins : 0;
     skeleton->build.fit = desc->fit;
     skeleton->build.slope_normals = desc->slope_normals;
     skeleton->build.blend = desc->blend;
     result = conemap__read_segments(desc, skeleton);
     if (result == CONEMAP_OK) result = conemap__check_joints(skeleton, desc->joints);
     if (result == CONEMAP_OK) result = conemap__order_segments(skeleton, desc->joints);
-    if (result == CONEMAP_OK) result = conemap__rest(desc, skeleton);
+    if (skeleton->build.joints) joints = skeleton->build.joints;
+    if (result == CONEMAP_OK) result = conemap__rest(desc, joints, skeleton);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, desc->joints, desc->segments);
+    conemap__skin(skeleton, joints, desc->segments);
     conemap__plant(skeleton);
     conemap__refit(skeleton);
     return CONEMAP_OK;
@@ -12050,6 +12207,10 @@ CONEMAP__DEF conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, 
     if (!skeleton || !skeleton->frusta || !joints) return CONEMAP_ERROR_NULL;
     result = conemap__check_joints(skeleton, joints);
     if (result != CONEMAP_OK) return result;
+    if (skeleton->build.joints) {
+        conemap__place_rounds(skeleton, joints);
+        joints = skeleton->build.joints;
+    }
     conemap__skin(skeleton, joints, NULL);
     conemap__refit(skeleton);
     return CONEMAP_OK;

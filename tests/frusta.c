@@ -1688,6 +1688,140 @@ static void sharp_bends(void)
     test_note("bends clamped from %d degrees", clamped_at);
 }
 
+/* Whether a point lies in any plain frustum of a skeleton. */
+static int within(const conemap_skeleton *skeleton, const double *world)
+{
+    int i;
+    for (i = 0; i < skeleton->count; ++i)
+        if (outside(&skeleton->frusta[i], 0.0, world) <= 0) return 1;
+    return 0;
+}
+
+/* A joint with a round join holds a ball of its radius, in bends of every angle, and none has a notch. */
+static void round_joins(void)
+{
+    int degrees, n, k, rounded_at = 181, notches[2] = {0, 0};
+    for (degrees = 0; degrees <= 180; degrees += 4) {
+        const double angle = degrees / 360.0 * TURN;
+        struct zoo_random random = zoo_seed(521);
+        struct chain chain;
+        int pieces;
+        make_chain(&random, CYLINDERS, 0, 2, &chain);
+        memset(chain.joints, 0, sizeof chain.joints);
+        for (k = 0; k < 3; ++k) {
+            chain.joints[k].radius = 0.5f;
+            chain.joints[k].thickness = 0.1f;
+        }
+        chain.joints[1].position[1] = 6;
+        chain.joints[2].position[0] = (float)(6 * sin(angle));
+        chain.joints[2].position[1] = (float)(6 + 6 * cos(angle));
+        chain.segments[0].v_size = 2.0f;
+        for (pieces = 0; pieces <= 8; pieces = pieces ? 2 * pieces : 2) {
+            conemap_skeleton skeleton;
+            int outside_count = 0;
+            chain.desc.round_joins = pieces;
+            REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "%d degrees", degrees);
+            CHECK(skeleton.rounded <= 1 && skeleton.count == 2 + pieces * skeleton.rounded, "%d frusta",
+                  skeleton.count);
+            if (pieces) {
+                CHECK(skeleton.clamped == 0, "%d degrees: clamped", degrees);
+                if (skeleton.rounded && degrees < rounded_at) rounded_at = degrees;
+                CHECK(skeleton.rounded == (degrees >= rounded_at), "%d degrees: %d round", degrees, skeleton.rounded);
+            }
+            if (skeleton.rounded) {
+                const conemap_frustum *f = &skeleton.frusta[2];
+                float length = 0;
+                CHECK(skeleton.frusta[0].child == 2 && f->parent == 0 && (f->flags & CONEMAP_FRUSTUM_ROUND) &&
+                          skeleton.frusta[0].branch == 1 && (skeleton.frusta[1].flags & CONEMAP_FRUSTUM_BRANCH),
+                      "links of a round join");
+                for (k = 0; k < pieces; ++k) length += f[k].h;
+                CHECK(fabsf(f->v_size / f->h - 2.0f / 6.0f) < 1e-6f && fabsf(f->v_start - 2.0f) < 1e-6f &&
+                          length > 0.5f && length < 0.75f,
+                      "v goes on over the join, %g long", (double)length);
+            }
+            for (n = 0; n < 300; ++n) {
+                double p[3], at[3];
+                for (k = 0; k < 3; ++k) p[k] = (double)spread(&random, 1.0f);
+                unit(p);
+                for (k = 0; k < 3; ++k) at[k] = (double)chain.joints[1].position[k] + 0.495 * p[k];
+                if (degrees > 60) outside_count += !within(&skeleton, at);
+            }
+            notches[pieces != 0] += outside_count;
+            conemap_skeleton_free(&skeleton);
+        }
+    }
+    CHECK(rounded_at > 120 && rounded_at < 145, "joins are round from %d degrees", rounded_at);
+    CHECK(notches[0] > 0 && notches[1] == 0, "notches: %d, with round joins %d", notches[0], notches[1]);
+    test_note("joins round from %d degrees", rounded_at);
+}
+
+/* The guarantee of round joins, over skeletons as jagged as they come: cutting planes do not meet inside a shell,
+   nothing is clamped, and the memory asked for is enough. And they move as the rest does. */
+static void rounded_skeletons(void)
+{
+    struct zoo_random random = zoo_seed(522);
+    const int rounds = ray_count(0) > 0 ? 20000 : 1000;
+    int round, i, k, clamped = 0, rounded = 0, segments = 0;
+    for (round = 0; round < rounds; ++round) {
+        const int count = 2 + zoo_below(&random, 8);
+        struct chain chain;
+        conemap_skeleton skeleton;
+        conemap_joint moved[16];
+        static conemap_frustum rest[128];
+        void *memory;
+        size_t size;
+        make_chain(&random, zoo_below(&random, SHAPES), 0.3f, count, &chain);
+        for (i = 1; i <= count; ++i)
+            for (k = 0; k < 3; ++k)
+                chain.joints[i].position[k] = chain.joints[i - 1].position[k] + (k == 1 ? 0.01f : 0.0f) +
+                                              (round % 3 == 0 ? (float)(zoo_below(&random, 3) - 1)
+                                                              : spread(&random, round % 3 == 1 ? 1.0f : 6.0f));
+        if (round % 4 == 1) flatten(&random, zoo_between(&random, 0.1f, 1.0f), &chain);
+        for (i = 2; i < count && round % 5 == 0; ++i) { /* branches too */
+            chain.segments[i].parent = zoo_below(&random, i);
+            chain.segments[i].base = chain.segments[chain.segments[i].parent].top;
+        }
+        if (conemap_skeleton_build(&chain.desc, &skeleton) != CONEMAP_OK) continue;
+        clamped += skeleton.clamped;
+        conemap_skeleton_free(&skeleton);
+        chain.desc.round_joins = 2 + zoo_below(&random, 7);
+        REQUIRE(conemap_skeleton_memory(&chain.desc, &size) == CONEMAP_OK, "memory");
+        memory = test_alloc(size);
+        chain.desc.memory = memory;
+        chain.desc.memory_size = size;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        rounded += skeleton.rounded;
+        segments += count;
+        CHECK(skeleton.clamped == 0, "round %d: %d clamped", round, skeleton.clamped);
+        for (i = 0; i < skeleton.count; ++i) {
+            const conemap_frustum *f = &skeleton.frusta[i];
+            const conemap__cone outer = conemap__cone_at(f, 1.0);
+            for (k = 0; k < 32; ++k) {
+                const double s = sin(TURN * k / 32), c = cos(TURN * k / 32);
+                const double low = conemap__cut_y(f->lower, (double)f->lower[0] * s + (double)f->lower[1] * c, outer);
+                const double high = conemap__cut_y(f->upper, (double)f->upper[0] * s + (double)f->upper[1] * c, outer);
+                CHECK(low < high, "round %d: planes meet in frustum %d, from %g to %g", round, i, low, high);
+            }
+        }
+        memcpy(rest, skeleton.frusta, (size_t)skeleton.count * sizeof *rest);
+        memcpy(moved, chain.joints, sizeof moved);
+        for (i = 0; i <= count; ++i)
+            for (k = 0; k < 3; ++k) moved[i].position[k] += spread(&random, 0.01f);
+        i = skeleton.count;
+        if (conemap_skeleton_update(&skeleton, moved) == CONEMAP_OK) {
+            CHECK(memcmp(rest, skeleton.frusta, (size_t)i * sizeof *rest) != 0, "round %d: nothing moved", round);
+            CHECK(skeleton.count == i, "round %d: the count changed", round);
+        }
+        CHECK(conemap_skeleton_update(&skeleton, chain.joints) == CONEMAP_OK &&
+                  memcmp(rest, skeleton.frusta, (size_t)i * sizeof *rest) == 0,
+              "round %d: there and back gives other bits", round);
+        conemap_skeleton_free(&skeleton);
+        test_release(memory);
+    }
+    CHECK(clamped > rounds && rounded > rounds, "%d clamped, %d round: too tame", clamped, rounded);
+    test_note("%d of %d clamped, with round joins none", clamped, segments);
+}
+
 static float wild(struct zoo_random *random, float size)
 {
     const int kind = zoo_below(random, 6);
@@ -1737,12 +1871,13 @@ static void wild_skeletons(void)
         if (round % 4 == 3) flatten(&random, zoo_between(&random, 0.01f, 1.0f), &chain);
         chain.desc.fit = zoo_below(&random, 2);
         chain.desc.exact_u = zoo_below(&random, 2);
+        chain.desc.round_joins = zoo_below(&random, 3) ? 0 : 2 + zoo_below(&random, 7);
         chain.desc.slope_normals = round & 1;
         chain.desc.blend = (float)(round % 3);
         if (conemap_skeleton_build(&chain.desc, &skeleton) != CONEMAP_OK) continue;
         ++built_ok;
         clamped += skeleton.clamped != 0;
-        for (i = 0; i < count; ++i) {
+        for (i = 0; i < skeleton.count; ++i) {
             const conemap_frustum *f = &skeleton.frusta[i];
             const conemap__cone outer = conemap__cone_at(f, 1.0), inner = conemap__cone_at(f, 0.0);
             const double grain = 1e-4 * (outer.r + fabs(outer.r + outer.k * (double)f->h));
@@ -1847,6 +1982,14 @@ static void bad_skeletons(void)
     EXPECT(chain.desc.joint_count = 0, CONEMAP_ERROR_SIZE);
     EXPECT(chain.desc.joint_count = 4, CONEMAP_ERROR_JOINT);
     EXPECT(chain.desc.v_per_length = -1.0f, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.desc.round_joins = 1, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.desc.round_joins = 9, CONEMAP_ERROR_PARAMETER);
+    EXPECT(chain.desc.round_joins = 8, CONEMAP_OK);
+    EXPECT((chain.desc.round_joins = 2, chain.joints[2].position[1] = (float)NAN), CONEMAP_ERROR_JOINT);
+    EXPECT((chain.desc.round_joins = 2, chain.segments[3].top = 5), CONEMAP_ERROR_JOINT);
+    EXPECT((chain.desc.round_joins = 2, chain.segments[2].parent = 4), CONEMAP_ERROR_PARENT);
+    EXPECT((chain.desc.round_joins = 2, chain.joints[3] = chain.joints[2]), CONEMAP_ERROR_LENGTH);
+    EXPECT((chain.desc.round_joins = 2, chain.segments[3].top = 0, chain.segments[0].parent = 3), CONEMAP_ERROR_CYCLE);
     EXPECT(chain.desc.blend = (float)NAN, CONEMAP_ERROR_PARAMETER);
     EXPECT((chain.desc.memory = memory, chain.desc.memory_size = 16), CONEMAP_ERROR_BUFFER);
     EXPECT((chain.desc.memory = memory + 4, chain.desc.memory_size = 4000), CONEMAP_ERROR_ALIGNMENT);
@@ -1972,6 +2115,8 @@ const struct test_case frusta_tests[] = {
     {"updates", updates},
     {"no popping", no_popping},
     {"sharp bends", sharp_bends},
+    {"round joins", round_joins},
+    {"rounded skeletons", rounded_skeletons},
     {"wild skeletons", wild_skeletons},
     {"bad skeletons", bad_skeletons},
     {"bad traces", bad_traces},
