@@ -11167,18 +11167,16 @@ static void conemap__smooth_normal(const conemap_frustum *f, const conemap__plac
         const float *plane = e ? f->upper : f->lower;
         double y = e ? at->upper : at->lower, rho = at->own.r + at->own.k * y, length;
         double a = (double)plane[0], b = (double)plane[1], lean;
-        end[e][0] = rho * at->sine;
-        end[e][2] = rho * at->cosine;
-        y = a * end[e][0] * wide_x + b * end[e][2] * wide_z + (double)plane[2] - (e ? (double)f->h : 0.0);
-        end[e][1] = y;
-        length = sqrt(rho * rho * (at->sine * at->sine * wide_x + at->cosine * at->cosine * wide_z) + y * y);
-        if (!(rho >
-              1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
-            end[e][0] = at->sine;
-            end[e][1] = 0.0;
-            end[e][2] = at->cosine;
-            length = 1.0;
+        if (rho > 1e-9 * ((double)f->r + (double)f->t + (double)f->h))
+            y = rho * (a * at->sine * wide_x + b * at->cosine * wide_z) + (double)plane[2] - (e ? (double)f->h : 0.0);
+        else { /* the end is a point: the limit is radial */
+            rho = 1.0;
+            y = 0.0;
         }
+        end[e][0] = rho * at->sine;
+        end[e][1] = y;
+        end[e][2] = rho * at->cosine;
+        length = sqrt(rho * rho * (at->sine * at->sine * wide_x + at->cosine * at->cosine * wide_z) + y * y);
         lean = (double)plane[3] * length / sqrt(1.0 + a * a * wide_x + b * b * wide_z);
         end[e][0] += lean * a;
         end[e][1] -= lean;
@@ -13016,44 +13014,26 @@ static const conemap__snippet conemap__frusta_snippets[] = {
     {"conemap_shell",
      "$STRUCT conemap_shell { // what bounds how fast the map's place changes along a ray\n"
      "    float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis\n"
-     "    float by_turning, fixed_speed, span; // see conemap_bound_speed\n"
+     "    float by_v, span; // v moves at by_v / span at most: see conemap_bound_speed\n"
      "?c } conemap_shell;\n"
      "?!c };\n"},
-    {"conemap_thickness",
-     "// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.\n"
-     "$FNfloat conemap_thickness(conemap_frustum f, vec4 plane, vec2 cone, float side) {\n"
-     "    float tilt = abs(plane.x) + abs(plane.y), y = conemap_cut(plane, tilt, cone, 0.0f);\n"
-     "    float other = conemap_cut(plane, -tilt, cone, 0.0f), across = abs(plane.x) - abs(plane.y);\n"
-     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
-     "    other = conemap_cut(plane, across, cone, 0.0f);\n"
-     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
-     "    other = conemap_cut(plane, -across, cone, 0.0f);\n"
-     "    return f.radii.z + f.radii.w * (side > 0.0f ? max(y, other) : min(y, other));\n"
-     "}\n"},
     {"conemap_bound_speed",
-     "// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r "
-     "+ k c) /\n"
-     "// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than\n"
-     "// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.\n"
+     "// The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no "
+     "more\n"
+     "// than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between "
+     "them.\n"
      "$FNconemap_shell conemap_bound_speed(conemap_frustum f, vec3 o, vec3 v) {\n"
      "    conemap_shell s;\n"
      "    vec2 inner = vec2(f.radii.x, f.radii.y), outer = vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);\n"
      "    float lower = sqrt(f.lower.x * f.lower.x + f.lower.y * f.lower.y);\n"
      "    float upper = sqrt(f.upper.x * f.upper.x + f.upper.y * f.upper.y);\n"
      "    float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = max(lower, upper);\n"
-     "    float k = max(abs(inner.y), abs(outer.y)), rest = 1.0f - k * n, vy = abs(v.y);\n"
-     "    float c = max(abs(f.lower.z), abs(f.upper.z)), across = v.x * v.x + v.z * v.z;\n"
-     "    float low = conemap_thickness(f, f.lower, outer, -1.0f), high = conemap_thickness(f, f.upper, outer, 1.0f);\n"
-     "    float thinnest = min(low, high);\n"
+     "    float k = max(abs(inner.y), abs(outer.y)), vy = abs(v.y), across = v.x * v.x + v.z * v.z;\n"
      "    s.turning = abs(v.x * o.z - o.x * v.z);\n"
      "    s.nearest = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : 0.0f;\n"
-     "    s.by_turning = n * (max(inner.x, outer.x) + k * c) / (rest * rest);\n"
+     "    s.by_v = vy + sqrt(lower * lower + upper * upper) / (1.0f - k * n) * (sqrt(across) + k * vy);\n"
      "    s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);\n"
      "    s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0f + k * upper);\n"
-     "    s.fixed_speed = vy;\n"
-     "    if (n > 0.0f && thinnest > 0.0f)\n"
-     "        s.fixed_speed += n * max(low, high) / rest * ((sqrt(across) + (k + abs(f.radii.w)) * vy) / thinnest);\n"
-     "    if (n > 0.0f && !(thinnest > 0.0f)) s.span = 0.0f; // no bound\n"
      "    return s;\n"
      "}\n"},
     {"conemap_map_speed",
@@ -13061,7 +13041,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "$FNfloat conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, float t, float t_end) {\n"
      "    vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));\n"
      "    float d2 = p.x * p.x + p.z * p.z;\n"
-     "    float angle = s.turning / max(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;\n"
+     "    float angle = s.turning / max(d2, 1e-30f), by_v = s.by_v / s.span;\n"
      "    float by_u = (angle * 0.159154943f + by_v * abs(f.extent.w)) * float(f.more.y);\n"
      "    by_v *= abs(f.extent.z)$TIMES_ASPECT;\n"
      "    return s.span > 0.0f && d2 > 0.0f ? sqrt(by_u * by_u + by_v * by_v) : 1e30f;\n"
@@ -13144,13 +13124,17 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "// The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.\n"
      "$FNvec3 conemap_end_normal(conemap_frustum f, vec4 plane, conemap_uvw at, float joint) {\n"
      "    float y = conemap_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);\n"
-     "    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrt(radius * radius + y * y);\n"
+     "    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y;\n"
+     "    float wide_x = f.axis_x.x * f.axis_x.x + f.axis_x.y * f.axis_x.y + f.axis_x.z * f.axis_x.z; // 1 if round\n"
+     "    float wide_z = f.axis_z.x * f.axis_z.x + f.axis_z.y * f.axis_z.y + f.axis_z.z * f.axis_z.z;\n"
+     "    y += radius * (plane.x * at.sine * (wide_x - 1.0f) + plane.y * at.cosine * (wide_z - 1.0f));\n"
      "    if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit\n"
      "        radius = 1.0f;\n"
      "        y = 0.0f;\n"
-     "        size = 1.0f;\n"
      "    }\n"
-     "    float lean = plane.w * size / sqrt(1.0f + plane.x * plane.x + plane.y * plane.y);\n"
+     "    float across = at.sine * at.sine * wide_x + at.cosine * at.cosine * wide_z;\n"
+     "    float size = sqrt(radius * radius * across + y * y);\n"
+     "    float lean = plane.w * size / sqrt(1.0f + plane.x * plane.x * wide_x + plane.y * plane.y * wide_z);\n"
      "    return conemap_unit(vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * "
      "plane.y));\n"
      "}\n"},
