@@ -1078,11 +1078,20 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    construction of [BJCW09 eqs. 3-5]. The others are branches: they begin inside the parent, with a normal that `blend`
    can mix with the parent's. Which is which is settled by the joints as built, and stays.
 
-   Limits. At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]; see fit_steps),
-   and u agrees exactly at u = 0 alone; elsewhere it is off by about taper times bend (in the tests, with segments that
-   halve their radius and bends of 20 degrees, 0.026 turns at most). Bends beyond 140 degrees, and
-   segments too short for their bends, get planes of their own, flagged, and show a notch. Branches meet their parent in
-   a crease, which `blend` hides from the light but not from the outline. Cross-sections are round.
+   At a bent joint of tapered segments the two cuts share one axis only ([BJCW09 section 2.2]): `fit` makes them one
+   ellipse. The angles around the two axes agree on all of a cut only if it is the bisecting plane through the joint,
+   which the cut of tapered segments cannot be. Else they differ as tan(angle1 / 2) = m tan(angle2 / 2), which has its
+   extremes to both sides, so no turn of the texture can leave less than the least rotation from axis to axis does: that
+   is how u is carried on, in place of [BJCW09 section 2.3]'s single aligned point, with half its error. With `exact_u`
+   u is the eccentric anomaly of the two cuts' ellipses instead of the angle, mixed by v, and both sides agree in it:
+   exactly where they share an ellipse, so at relative height 0 of fitted joints.
+
+   Limits. Bends beyond 140 degrees, and
+   segments too short for their bends, get planes of their own, flagged, and show a notch, or with `round_joins` a ball. Branches meet their parent in
+   a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
+   and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
+   sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
+   segments always.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -1100,6 +1109,11 @@ typedef struct conemap_segment {
                                as the radius does */
     float v_size;           /* of the map along the segment; 0: see v_per_length of the desc */
     int user;               /* handed through to conemap_frustum: a material */
+    float flat;             /* an elliptical cross-section: its smaller radius and thickness, as a share of the joints',
+                               which are the greater ones. 0.01..1; 0: 1, round. Equal along a chain, or there is a
+                               step. A segment with twist can only be continued by a round one: UNSUPPORTED */
+    float wide[3];          /* which way the greater radius points, as built, of a root's or branch's section; the rest
+                               of its chain carries it on. Zero: any. The part along the axis is left out */
 } conemap_segment;
 
 enum { /* conemap_frustum.flags */
@@ -1108,17 +1122,19 @@ enum { /* conemap_frustum.flags */
     CONEMAP_FRUSTUM_TIP = 4,     /* the top ends freely */
     CONEMAP_FRUSTUM_CLAMPED_LOWER = 8,  /* a cutting plane is tilted less than its joint asks for, because the bend */
     CONEMAP_FRUSTUM_CLAMPED_UPPER = 16, /* is too sharp or the planes would meet inside: the joint may show a notch */
-    CONEMAP_FRUSTUM_C1 = 32      /* conemap_skeleton_desc.c1_normals */
+    CONEMAP_FRUSTUM_C1 = 32,     /* conemap_skeleton_desc.c1_normals */
+    CONEMAP_FRUSTUM_EXACT_U = 64, /* conemap_skeleton_desc.exact_u */
+    CONEMAP_FRUSTUM_ROUND = 128  /* a piece of a round join */
 };
 
 /* One segment as packed for the GPU: nine 16-byte rows, so std430, std140 and HLSL structured buffers agree. A point
    goes into the frustum's frame as (dot(axis_x, p - o), dot(axis_y, p - o), dot(axis_z, p - o)) with the origin o =
    (axis_x[3], axis_y[3], axis_z[3]). Nothing that reads a frustum relies on the rows' length: they may be scaled for
-   elliptical cross-sections, though conemap_skeleton_build makes round ones only. */
+   elliptical cross-sections: axis_z is 1 / flat long where conemap_segment.flat says so. */
 typedef struct conemap_frustum {
     float axis_x[4];        /* unit x axis; origin's x */
     float axis_y[4];        /* unit y axis; origin's y */
-    float axis_z[4];        /* unit z axis; origin's z */
+    float axis_z[4];        /* unit z axis, or longer: see above; origin's z */
     float lower[4];         /* a, b, c of the lower cutting plane y = a x + b z + c; slope of the normal there */
     float upper[4];         /* the same of the upper plane */
     float r, k;             /* inner radius at y = 0, and what it grows by per y */
@@ -1140,14 +1156,22 @@ typedef struct conemap_skeleton_desc {
     int joint_count;
     const conemap_segment *segments; /* read during the call; parents may come in any order */
     int segment_count;      /* 1 or more */
-    int fit_steps;          /* rounds of [BJCW09 section 2.2]'s fit, which changes a segment's base radius until the
-                               minor axes of the two cuts agree; 0: none. Up to 64 */
+    int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at most,
+                               so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
                                that meet, which is C0 as well and nearer to the surface (domes, tips) */
     int c1_normals;         /* nonzero: end normals are mixed by v^2 (3 - 2 v) instead of v, so that normals are C1
                                across joints as functions of (u, v); they change faster mid-segment */
+    int round_joins;        /* pieces of a round join; 0: none. 2..8. A joint that is too sharp to be cut, as built, is
+                               not: the segment that ends there gets a dome of so many short segments, around a ball of
+                               its radius, and the next one begins inside it like a branch. A joint is too sharp if
+                               either cut would reach farther than 0.4 of its segment, with the corners of the bounds,
+                               or be steeper than 70 degrees or the cone's taper allows. Those that are left have cuts
+                               that never meet inside a shell, and no frustum is clamped; without `fit` that is certain,
+                               as built (clamped is 0). Which joints are round is settled by the joints as built */
     float blend;            /* how far from a branch's foot its normals and its parent's mix, in radii of its base;
                                0: not at all, a crease. Up to 16 */
     conemap_allocator allocator; /* null: CONEMAP_MALLOC and CONEMAP_FREE */
@@ -1158,9 +1182,10 @@ typedef struct conemap_skeleton_desc {
 /* A skinned skeleton. Read-only for the caller; free it with conemap_skeleton_free. May be copied or moved: free one
    copy only. */
 typedef struct conemap_skeleton {
-    const conemap_frustum *frusta; /* one a segment, in the caller's order: count * sizeof(conemap_frustum) bytes to
-                                      upload */
+    const conemap_frustum *frusta; /* one a segment, in the caller's order, then the pieces of round joins: count *
+                                      sizeof(conemap_frustum) bytes to upload */
     int count;
+    int rounded;            /* round joins */
     int clamped;            /* frusta with a CONEMAP_FRUSTUM_CLAMPED_... flag, as of the last update */
     float low[3], high[3];  /* a box around all shells */
     size_t memory_size;     /* bytes held */
@@ -1168,9 +1193,10 @@ typedef struct conemap_skeleton {
         void *memory;
         int owns_memory;
         conemap_allocator allocator;
-        int joint_count, fit_steps, slope_normals, nodes;
+        int joint_count, segment_count, pieces, fit, slope_normals, nodes;
         float blend;
         conemap_frustum *frusta;
+        conemap_joint *joints; /* the caller's and those of round joins; null without any */
         struct conemap__bone *bones;
         struct conemap__branch *tree;
         int *order;         /* segments chain by chain, parents first */
@@ -1212,8 +1238,8 @@ typedef struct conemap_skeleton_hit {
     int steps;              /* samples of the relief along the whole ray */
 } conemap_skeleton_hit;
 
-/* The bytes that conemap_skeleton_build needs. Checks the counts only. Errors: NULL, SIZE (a count below 1 or above
-   2^28), OVERFLOW. */
+/* The bytes that conemap_skeleton_build needs. Checks the counts only, and with round_joins looks for sharp joints too.
+   Errors: NULL, SIZE (a count below 1 or above 2^28), OVERFLOW; with round_joins: PARAMETER, JOINT, PARENT. */
 CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size);
 
 /* Skins a skeleton. skeleton: overwritten, whatever it held; zeroed unless OK.
@@ -11991,6 +12017,33 @@ static void conemap__turn(double turns, double *sine, double *cosine) {
     *cosine = c;
 }
 
+/* u of frusta with CONEMAP_FRUSTUM_EXACT_U. Seen along the axis the inner cone's cut is an ellipse d = p / (1 - e
+   cos(angle)) around its focus, e = k n with n the plane's slope. Its eccentric anomaly E belongs to the ellipse alone,
+   so another cone on the same ellipse counts the same, around whatever axis. tan(E / 2) = sqrt((1 + e) / (1 - e))
+   tan(angle / 2): with unit vectors as complex numbers, E = (z - b) / (1 - conj(b) z) = conj(z) (z - b)^2 / |z - b|^2,
+   where b points up the plane and is e / (1 + sqrt(1 - e^2)) long. From one cut to the other b goes linearly with v: */
+static void conemap__focus(const conemap_frustum *f, double v, double b[2]) {
+    double k = (double)f->k;
+    int side;
+    b[0] = b[1] = 0.0;
+    for (side = 0; side < 2; ++side) {
+        double x = (double)(side ? f->upper : f->lower)[0], z = (double)(side ? f->upper : f->lower)[1];
+        double rest = 1.0 - k * k * (x * x + z * z);
+        double share = (side ? v : 1.0 - v) * k / (1.0 + (rest > 0.0 ? sqrt(rest) : 0.0));
+        b[0] += share * x;
+        b[1] += share * z;
+    }
+}
+
+/* E of an angle for b, both as vectors (x, z); and with -b the angle of an E. */
+static void conemap__label(double bx, double bz, double *sine, double *cosine) {
+    double gx = *sine - bx, gz = *cosine - bz, g2 = gx * gx + gz * gz, along;
+    if (!(g2 > 0.0)) return;
+    along = 2.0 * (*sine * gx + *cosine * gz) / g2;
+    *sine = along * gx - *sine;
+    *cosine = along * gz - *cosine;
+}
+
 static void conemap__to_local(const conemap_frustum *f, const double *p, double *out) {
     double q[3];
     q[0] = p[0] - (double)f->axis_x[3];
@@ -12133,6 +12186,16 @@ static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, con
     return *t0 <= *t1;
 }
 
+/* u of a place whose angle and v are known. */
+static double conemap__turns_of(const conemap_frustum *f, const conemap__place_uvw *at) {
+    double sine = at->sine, cosine = at->cosine, b[2];
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        conemap__focus(f, conemap__clamp01(at->v), b);
+        conemap__label(b[0], b[1], &sine, &cosine);
+    }
+    return conemap__turns(sine, cosine);
+}
+
 /* u, v and w of a point [BJCW09 eqs. 6, 7, 11, 12]: w from the radii at the point's y, then v on the cone of the
    shell that the point lies on. Where there is no shell, w is the distance from the surface along the radius and v
    that of the surface. */
@@ -12150,7 +12213,7 @@ static conemap__place_uvw conemap__uvw(const conemap_frustum *f, const double *p
     at.lower = conemap__cut_y(f->lower, (double)f->lower[0] * at.sine + (double)f->lower[1] * at.cosine, at.own);
     at.upper = conemap__cut_y(f->upper, (double)f->upper[0] * at.sine + (double)f->upper[1] * at.cosine, at.own);
     at.v = at.upper != at.lower ? (p[1] - at.lower) / (at.upper - at.lower) : 0.0;
-    at.u = conemap__turns(at.sine, at.cosine);
+    at.u = conemap__turns_of(f, &at);
     return at;
 }
 
@@ -12180,35 +12243,49 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
     grad_u[2] = -at->sine / d;
     conemap__cut_gradient(f, f->lower, at, at->lower, grad_u, grad_w, lower);
     conemap__cut_gradient(f, f->upper, at, at->upper, grad_u, grad_w, upper);
-    for (k = 0; k < 3; ++k) {
+    for (k = 0; k < 3; ++k)
         grad_v[k] = ((k == 1 ? 1.0 : 0.0) - (1.0 - at->v) * lower[k] - at->v * upper[k]) / span;
-        grad_u[k] *= 0.15915494309189535;
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) { /* E = 2 arg(g) - angle with g = z - b */
+        double b[2], from[2], to[2], gx, gz, g2, by_angle, by_v;
+        conemap__focus(f, at->v, b);
+        conemap__focus(f, 0.0, from);
+        conemap__focus(f, 1.0, to);
+        gx = at->sine - b[0];
+        gz = at->cosine - b[1];
+        g2 = gx * gx + gz * gz;
+        by_angle = (1.0 - b[0] * b[0] - b[1] * b[1]) / g2;
+        by_v = -2.0 * (gz * (to[0] - from[0]) - gx * (to[1] - from[1])) / g2;
+        for (k = 0; k < 3; ++k) grad_u[k] = by_angle * grad_u[k] + by_v * grad_v[k];
     }
+    for (k = 0; k < 3; ++k) grad_u[k] *= 0.15915494309189535;
 }
 
 /* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
-   mixed by v. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
+   mixed by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the
+   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
    of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
-    double end[2][3], v = conemap__clamp01(at->v), m;
+    double end[2][3], v = conemap__clamp01(at->v), m, wide_x = 0.0, wide_z = 0.0;
     int e, k;
+    for (k = 0; k < 3; ++k) {
+        wide_x += (double)f->axis_x[k] * (double)f->axis_x[k];
+        wide_z += (double)f->axis_z[k] * (double)f->axis_z[k];
+    }
     for (e = 0; e < 2; ++e) {
         const float *plane = e ? f->upper : f->lower;
         double y = e ? at->upper : at->lower, rho = at->own.r + at->own.k * y, length;
         double a = (double)plane[0], b = (double)plane[1], lean;
-        y -= e ? (double)f->h : 0.0;
+        if (rho > 1e-9 * ((double)f->r + (double)f->t + (double)f->h))
+            y = rho * (a * at->sine * wide_x + b * at->cosine * wide_z) + (double)plane[2] - (e ? (double)f->h : 0.0);
+        else { /* the end is a point: the limit is radial */
+            rho = 1.0;
+            y = 0.0;
+        }
         end[e][0] = rho * at->sine;
         end[e][1] = y;
         end[e][2] = rho * at->cosine;
-        length = sqrt(rho * rho + y * y);
-        if (!(rho >
-              1e-9 * ((double)f->r + (double)f->t + (double)f->h))) { /* the end is a point: the limit is radial */
-            end[e][0] = at->sine;
-            end[e][1] = 0.0;
-            end[e][2] = at->cosine;
-            length = 1.0;
-        }
-        lean = (double)plane[3] * length / sqrt(1.0 + a * a + b * b);
+        length = sqrt(rho * rho * (at->sine * at->sine * wide_x + at->cosine * at->cosine * wide_z) + y * y);
+        lean = (double)plane[3] * length / sqrt(1.0 + a * a * wide_x + b * b * wide_z);
         end[e][0] += lean * a;
         end[e][1] -= lean;
         end[e][2] += lean * b;
@@ -12290,13 +12367,17 @@ CONEMAP__DEF conemap_result conemap_frustum_uvw(const conemap_frustum *frustum, 
 CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum, const float uvw[3],
                                                   float point[3]) {
     conemap__cone cone;
-    double sine, cosine, low, high, y, rho, p[3], axes[3][3];
+    double sine, cosine, low, high, y, rho, p[3], axes[3][3], b[2];
     int k;
     if (!frustum || !uvw || !point) return CONEMAP_ERROR_NULL;
     for (k = 0; k < 3; ++k)
         if (!conemap__finite(uvw[k])) return CONEMAP_ERROR_PARAMETER;
     conemap__turn((double)uvw[0], &sine, &cosine);
     cone = conemap__cone_at(frustum, (double)uvw[2]);
+    if (frustum->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        conemap__focus(frustum, conemap__clamp01((double)uvw[1]), b);
+        conemap__label(-b[0], -b[1], &sine, &cosine);
+    }
     low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine,
                          cone);
     high = conemap__cut_y(frustum->upper, (double)frustum->upper[0] * sine + (double)frustum->upper[1] * cosine,
@@ -12378,7 +12459,9 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
 #define CONEMAP__CONE_ROOM                                                                                        \
     0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
                                      sqrt(2) further out */
+#define CONEMAP__FIT 0.25       /* the most that a fit changes a radius, as a share */
 #define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
+#define CONEMAP__CLEAR 0.4      /* how far along a segment a cut may reach before its joint is too sharp */
 #define CONEMAP__FARTHEST 1e12f /* a joint's coordinate */
 #define CONEMAP__LEAF 2         /* frusta in a leaf */
 #define CONEMAP__CHAIN 4        /* segments of a chain that are searched for branches nearby */
@@ -12387,8 +12470,10 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
 typedef struct conemap__bone {
     int base, top;
     float radius;               /* at the base; 0: the joint's */
+    float flat;                 /* conemap_segment.flat, 1 for round */
     float sine, cosine;         /* of the angle at the top where the texture's u is 0, twist included */
-    float rest_y[3], rest_z[3]; /* roots: the frame as built, which turns with the axis from there */
+    float rest_y[3], rest_z[3]; /* roots: the frame as built, which turns with the axis from there; branches: sine and
+                                   cosine of the angle in the carried frame where theirs begins, in rest_z[0], [1] */
 } conemap__bone;
 
 /* A node of the tree of boxes, in depth-first order: an inner node's first child follows it. */
@@ -12402,7 +12487,7 @@ typedef struct conemap__branch {
 typedef struct conemap__limb {
     int segment;
     double base[3], x[3], y[3], z[3]; /* its frame in the world */
-    double h, r, r_top, k, t, t_top;
+    double h, r, r_top, k, t, t_top, flat;
     double lower[3], upper[3]; /* cutting planes: a, b, c */
     double lean_lower, lean_upper;
     int flags;
@@ -12429,106 +12514,25 @@ static double conemap__boundary(double r, double k, double r2, double k2, double
     return bisecting + n * d / (size * size);
 }
 
-/* Half the minor axis, squared, of the ellipse in which a cone of radius r + k y is cut by the plane n1 y + np p =
-   dot, p across the axis: at the centre, between the two boundary lines' meetings with the plane, what the radius
-   leaves besides the way from the axis. 0 if it is no ellipse. */
-static double conemap__minor_axis(double r, double k, double n1, double np, double dot) {
-    double over_a = n1 + k * np, over_b = n1 - k * np, a, b, y, rho, off;
-    if (!(over_a > 1e-9 && over_b > 1e-9)) return 0.0;
-    a = (dot - r * np) / over_a;
-    b = (dot + r * np) / over_b;
-    y = 0.5 * (a + b);
-    rho = r + k * y;
-    off = 0.5 * k * (a - b); /* half of (r + k a) - (r + k b) */
-    return rho * rho - off * off;
-}
+/* [BJCW09 section 2.2]'s fit in closed form. The paper changes a segment's base radius until the minor axes of the two
+   cuts agree. They do where both cones touch one sphere around the joint: with rho its radius and S = sqrt(1 + k^2) a
+   cone of radius rho S at the joint is |p|^2 - rho^2 = (S y + k rho)^2, so two of them meet where S y + k rho is the
+   same but for its sign (y counted away from the joint on both sides of it), in a plane, and share its ellipse whole.
+   That plane never runs away, not where the axes are in one line nor where the boundary lines are parallel.
 
-/* Cuts two limbs that meet in a joint by one plane [BJCW09 eqs. 3-5], and fits the second one's radius [section 2.2].
-   */
-static void conemap__join(const conemap_skeleton *skeleton, conemap__limb *first, conemap__limb *next) {
-    double normal[3], p1[3], p2[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
-    int round, k;
-    conemap__cross3(first->y, next->y, normal);
-    s = sqrt(conemap__dot3(normal, normal));
-    if (s > 1e-12) /* eq. 3 */
-        for (k = 0; k < 3; ++k) normal[k] /= s;
-    else { /* axes in one line: any plane through them will do */
-        s = 0.0;
-        memcpy(normal, first->x, sizeof normal);
-    }
-    conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
-    conemap__cross3(normal, next->y, p2);
-    for (round = 0;; ++round) {
-        n1 = 1.0 + c; /* the bisecting plane through the joint */
-        np = s;
-        dot = 0.0;
-        if (n1 + s <= 1e-9) np = 1.0; /* straight back */
-        if (c > -0.77 && n1 + first->k * s > 0.1 * n1 && n1 - first->k * s > 0.1 * n1) {
-            double ya = conemap__boundary(first->r_top, first->k, next->r, next->k, c, s);
-            double yb = conemap__boundary(first->r_top, first->k, next->r, next->k, c, -s);
-            double a = first->r_top + first->k * ya, b = first->r_top + first->k * yb;
-            if (a + b > 1e-6 * first->r_top &&
-                a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
-                n1 = a + b;
-                np = yb - ya;
-                dot = n1 * ya + np * a;
-                if (round < skeleton->build.fit_steps) {
-                    double minor = conemap__minor_axis(first->r_top, first->k, n1, np, dot);
-                    double minor2 = conemap__minor_axis(next->r, next->k, c * n1 + s * np, c * np - s * n1, dot);
-                    if (minor > 0.0 && minor2 > 0.0 && conemap__absd(minor - minor2) > 1e-12 * minor) {
-                        double ratio =
-                            sqrt(sqrt(minor / minor2)); /* half of the way: whole ones can swing to and fro */
-                        next->r *= ratio < 0.5 ? 0.5 : ratio > 2.0 ? 2.0 : ratio;
-                        next->k = (next->r_top - next->r) / next->h;
-                        continue;
-                    }
-                }
-            }
-        }
-        break;
-    }
-    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and
-       p2 */
-    m = conemap__maxd(n1, 1e-9 * conemap__absd(np));
-    first->upper[0] = -np / m * conemap__dot3(p1, first->x);
-    first->upper[1] = -np / m * conemap__dot3(p1, first->z);
-    first->upper[2] = first->h + dot / m;
-    along = c * n1 + s * np;
-    across = c * np - s * n1;
-    m = conemap__maxd(along, 1e-9 * conemap__absd(across));
-    next->lower[0] = across / m; /* along p2, until the frame of `next` is known */
-    next->lower[1] = 0.0;
-    next->lower[2] = dot / m;
-    /* u = 0 at the upper cut of the first limb, seen from the joint, is where u = 0 of the next begins [section 2.3] */
-    {
-        const conemap__bone *bone = &skeleton->build.bones[first->segment];
-        double q[3], sine = (double)bone->sine, cosine = (double)bone->cosine, y, rho, slope, turn, length2;
-        slope = first->upper[0] * sine + first->upper[1] * cosine;
-        slope = conemap__mind(slope, CONEMAP__STEEPEST);
-        y = (first->upper[2] + slope * first->r) / conemap__maxd(1.0 - first->k * slope, 0.1);
-        rho = first->r + first->k * y;
-        for (k = 0; k < 3; ++k)
-            q[k] = rho * (sine * first->x[k] + cosine * first->z[k]) + (y - first->h) * first->y[k];
-        turn = conemap__dot3(q, next->y);
-        for (k = 0; k < 3; ++k) q[k] -= turn * next->y[k];
-        length2 = conemap__dot3(q, q);
-        if (!(length2 > 1e-6 * rho * rho &&
-              rho > 0.0)) { /* it lies on the next axis: turn with the least rotation */
-            double z[3];
-            for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
-            turn = conemap__dot3(z, next->y) / conemap__maxd(1.0 + c, 1e-9);
-            for (k = 0; k < 3; ++k) q[k] = z[k] - turn * (first->y[k] + next->y[k]);
-        }
-        memcpy(next->z, q, sizeof q);
-    }
-    for (k = 0; k < 3; ++k) p1[k] = p2[k];
-    m = conemap__dot3(next->z, next->y);
-    for (k = 0; k < 3; ++k) next->z[k] -= m * next->y[k];
-    if (!conemap__normalise3(next->z)) memcpy(next->z, normal, sizeof normal);
-    conemap__cross3(next->y, next->z, next->x);
-    m = next->lower[0];
-    next->lower[0] = -m * conemap__dot3(p1, next->x);
-    next->lower[1] = -m * conemap__dot3(p1, next->z);
+   Returns the base radius of a cone from the joint to radius `top`, h away, that touches the sphere, and S of both; 0
+   where there is none or it changes the radius r by more than a quarter, as at strong changes of the taper. */
+static double conemap__fitted(double r_top, double k, double r, double top, double h, double stretch[2]) {
+    double rho, q, under, fitted, k2;
+    stretch[0] = sqrt(1.0 + k * k);
+    rho = r_top / stretch[0];
+    q = rho / h;
+    under = q * q * top * top + (1.0 - q * q) * rho * rho;
+    if (!(rho > 0.0) || !(under >= 0.0)) return 0.0;
+    fitted = (rho * rho + q * q * top * top) / (q * q * top + sqrt(under));
+    k2 = (top - fitted) / h;
+    stretch[1] = sqrt(1.0 + k2 * k2);
+    return conemap__absd(fitted - r) <= CONEMAP__FIT * r ? fitted : 0.0;
 }
 
 /* z of a frame whose y turns from one direction to another by the least rotation; straight back, z stays. */
@@ -12546,6 +12550,75 @@ static void conemap__carry(const double *from_y, const double *from_z, conemap__
         if (!conemap__normalise3(limb->z)) limb->z[0] = 1.0;
     }
     conemap__cross3(limb->y, limb->z, limb->x);
+}
+
+/* How far a limb's section of greater radius 1 reaches in a direction across the axis. */
+static double conemap__section_reach(const conemap__limb *limb, const double *across) {
+    double x = conemap__dot3(across, limb->x), z = conemap__dot3(across, limb->z) / limb->flat;
+    return 1.0 / sqrt(x * x + z * z);
+}
+
+/* Cuts two limbs that meet in a joint by one plane, and gives the second one its frame, in which u = 0 goes on from the
+   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial plane's
+   normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on another. */
+static void conemap__join(conemap__limb *first, conemap__limb *next, double sine, double cosine, int fit) {
+    double normal[3], p1[3], p2[3], z[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
+    double wide1, wide2, r, k1, r2, k2, fitted, stretch[2];
+    int k;
+    for (k = 0; k < 3; ++k) z[k] = sine * first->x[k] + cosine * first->z[k];
+    conemap__carry(first->y, z, next);
+    conemap__cross3(first->y, next->y, normal);
+    s = sqrt(conemap__dot3(normal, normal));
+    if (s > 1e-12) /* eq. 3 */
+        for (k = 0; k < 3; ++k) normal[k] /= s;
+    else { /* axes in one line: any plane through them will do */
+        s = 0.0;
+        memcpy(normal, first->x, sizeof normal);
+    }
+    conemap__cross3(normal, first->y, p1); /* in the medial plane, across each axis */
+    conemap__cross3(normal, next->y, p2);
+    wide1 = conemap__section_reach(first, p1);
+    wide2 = conemap__section_reach(next, p2);
+    r = first->r_top * wide1;
+    k1 = first->k * wide1;
+    r2 = next->r * wide2;
+    k2 = next->k * wide2;
+    n1 = 1.0 + c; /* the bisecting plane through the joint */
+    np = s;
+    dot = 0.0;
+    fitted = fit ? conemap__fitted(r, k1, r2, next->r_top * wide2, next->h, stretch) : 0.0;
+    if (fitted > 0.0) {
+        next->r = fitted / wide2;
+        next->k = (next->r_top - next->r) / next->h;
+        n1 = stretch[0] + c * stretch[1];
+        np = s * stretch[1];
+        dot = -(k1 + next->k * wide2) * r / stretch[0];
+    } else if (c > -0.77 && n1 + k1 * s > 0.1 * n1 && n1 - k1 * s > 0.1 * n1) {
+        double ya = conemap__boundary(r, k1, r2, k2, c, s);
+        double yb = conemap__boundary(r, k1, r2, k2, c, -s);
+        double a = r + k1 * ya, b = r + k1 * yb;
+        if (a + b > 1e-6 * r && a + b > 0.0) { /* eq. 5: A = (ya, a) and B = (yb, -b) lie on the plane */
+            n1 = a + b;
+            np = yb - ya;
+            dot = n1 * ya + np * a;
+        }
+    }
+    if (s <= 1e-9 && c < 0.0) { /* straight back */
+        n1 = 0.0;
+        np = 1.0;
+    }
+    /* the same plane from both sides: n1 along the first axis and np along p1, and what that is along the second and
+       p2 */
+    m = conemap__maxd(n1, 1e-9 * (conemap__absd(n1) + conemap__absd(np)));
+    first->upper[0] = -np / m * conemap__dot3(p1, first->x);
+    first->upper[1] = -np / m * conemap__dot3(p1, first->z) * first->flat;
+    first->upper[2] = first->h + dot / m;
+    along = c * n1 + s * np;
+    across = c * np - s * n1;
+    m = conemap__maxd(along, 1e-9 * (conemap__absd(along) + conemap__absd(across)));
+    next->lower[0] = -across / m * conemap__dot3(p2, next->x);
+    next->lower[1] = -across / m * conemap__dot3(p2, next->z) * next->flat;
+    next->lower[2] = dot / m;
 }
 
 /* Scales the slopes of both planes. */
@@ -12612,7 +12685,7 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     for (k = 0; k < 3; ++k) {
         f->axis_x[k] = (float)limb->x[k];
         f->axis_y[k] = (float)limb->y[k];
-        f->axis_z[k] = (float)limb->z[k];
+        f->axis_z[k] = (float)(limb->z[k] / limb->flat);
     }
     f->axis_x[3] = (float)limb->base[0];
     f->axis_y[3] = (float)limb->base[1];
@@ -12675,31 +12748,129 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     return limb->flags;
 }
 
-/* A limb's axis, radii and upright planes from the joints. */
-static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_joint *joints, int segment,
+/* A limb's axis, radii and upright planes from its joints; radius: its own at the base, 0: the joint's. */
+static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *top, float radius, float flat,
                               conemap__limb *limb) {
-    const conemap__bone *bone = &skeleton->build.bones[segment];
-    const conemap_frustum *f = &skeleton->build.frusta[segment];
-    const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
     int k;
     memset(limb, 0, sizeof *limb);
-    limb->segment = segment;
     for (k = 0; k < 3; ++k) {
         limb->base[k] = (double)base->position[k];
         limb->y[k] = (double)top->position[k] - (double)base->position[k];
     }
     limb->h = sqrt(conemap__dot3(limb->y, limb->y));
     for (k = 0; k < 3; ++k) limb->y[k] /= limb->h;
-    limb->r = bone->radius > 0.0f ? (double)bone->radius : (double)base->radius;
+    limb->r = radius > 0.0f ? (double)radius : (double)base->radius;
     limb->r_top = (double)top->radius;
     limb->t = (double)base->thickness;
-    if (bone->radius > 0.0f && base->radius > 0.0f) limb->t *= (double)bone->radius / (double)base->radius;
+    if (radius > 0.0f && base->radius > 0.0f) limb->t *= (double)radius / (double)base->radius;
     limb->t_top = (double)top->thickness;
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
+    limb->flat = (double)flat;
+}
+
+static void conemap__set_limb(const conemap_skeleton *skeleton, const conemap_joint *joints, int segment,
+                              conemap__limb *limb) {
+    const conemap__bone *bone = &skeleton->build.bones[segment];
+    const conemap_frustum *f = &skeleton->build.frusta[segment];
+    conemap__lay_limb(&joints[bone->base], &joints[bone->top], bone->radius, bone->flat, limb);
+    limb->segment = segment;
     limb->flags = (f->parent < 0 ? CONEMAP_FRUSTUM_ROOT : 0) | (f->child < 0 ? CONEMAP_FRUSTUM_TIP : 0) |
-                  (f->flags & CONEMAP_FRUSTUM_C1);
+                  (f->flags & (CONEMAP_FRUSTUM_C1 | CONEMAP_FRUSTUM_EXACT_U | CONEMAP_FRUSTUM_ROUND));
     if (skeleton->build.slope_normals) limb->lean_lower = limb->lean_upper = limb->k;
+}
+
+/* Whether a plane near a limb's joint stays clear of the other half of the limb, with the corners of its bounds, and
+   needs no clamp. radius, thickness: of the limb there; joint: its place along the axis. */
+static int conemap__clear(const conemap__limb *limb, const double *plane, double joint, double radius,
+                          double thickness) {
+    double slope = sqrt(plane[0] * plane[0] + plane[1] * plane[1]), off = conemap__absd(plane[2] - joint);
+    double k = conemap__maxd(conemap__absd(limb->k), conemap__absd(limb->k + (limb->t_top - limb->t) / limb->h));
+    double corner = 1.4142135623730951 * slope;
+    return slope <= CONEMAP__STEEPEST && k * slope <= 0.8 * CONEMAP__CONE_ROOM &&
+           off * conemap__absd(limb->k) <= 0.5 * radius && off * k <= 0.5 * (radius + thickness) &&
+           off + corner * (radius + thickness) <= CONEMAP__CLEAR * limb->h * (1.0 - k * corner);
+}
+
+/* Whether a joint is too sharp to be cut by one plane, for limbs with nothing but their geometry. As if round: a flat
+   section reaches less far. */
+static int conemap__sharp(const conemap__limb *before, const conemap__limb *after, int fit) {
+    conemap__limb first = *before, next = *after;
+    first.flat = next.flat = 1.0;
+    first.z[conemap__absd(first.y[0]) < 0.6 ? 0 : 1] = 1.0;
+    conemap__carry(first.y, first.z, &first); /* its part across the axis */
+    conemap__join(&first, &next, 0.0, 1.0, fit);
+    return !(conemap__clear(&first, first.upper, first.h, first.r_top, first.t_top) &&
+             conemap__clear(&next, next.lower, 0.0, next.r, next.t));
+}
+
+/* The joints of round joins: polygons around a quarter of the circle about the joint, the first side along the last
+   segment's own, the last one to a point. They are never so short that their axis is lost to rounding. */
+static void conemap__place_rounds(const conemap_skeleton *skeleton, const conemap_joint *joints) {
+    int pieces = skeleton->build.pieces, segment = skeleton->build.segment_count, done = skeleton->build.joint_count;
+    int n, k;
+    memcpy(skeleton->build.joints, joints, (size_t)done * sizeof *joints);
+    for (; segment < skeleton->count; segment += pieces) {
+        const conemap__bone *bone = &skeleton->build.bones[skeleton->build.frusta[segment].parent];
+        const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
+        double d[3], length, size = (double)top->radius;
+        for (k = 0; k < 3; ++k) {
+            d[k] = (double)top->position[k] - (double)base->position[k];
+            size = conemap__maxd(size, 3e-5 * conemap__absd((double)top->position[k]));
+        }
+        length = sqrt(conemap__dot3(d, d));
+        size = conemap__maxd(size, 0.01 * length);
+        for (n = 1; n <= pieces; ++n) {
+            conemap_joint *joint = &skeleton->build.joints[done++];
+            double turn = 0.25 / (double)pieces, sine, cosine, shrink, keep;
+            conemap__turn(0.5 * turn, &keep, &shrink);
+            conemap__turn(((double)n - 0.5) * turn, &sine, &cosine);
+            if (n == pieces) {
+                conemap__turn((double)(n - 1) * turn, &shrink, &keep);
+                sine = 1.0;
+                cosine = 0.0;
+            }
+            for (k = 0; k < 3; ++k)
+                joint->position[k] = (float)((double)top->position[k] + d[k] / length * size * sine / shrink);
+            joint->radius = (float)((double)top->radius * cosine / shrink);
+            joint->thickness = (float)((double)top->thickness * cosine / shrink);
+        }
+    }
+}
+
+/* Makes joins round where a segment and the one that continues it meet too sharply. */
+static void conemap__round_joins(conemap_skeleton *skeleton, const conemap_joint *joints) {
+    conemap_frustum *frusta = skeleton->build.frusta;
+    int pieces = skeleton->build.pieces, joint = skeleton->build.joint_count, i, n;
+    for (i = 0; i < skeleton->build.segment_count && pieces > 0; ++i) {
+        int child = frusta[i].child, first = skeleton->count;
+        conemap__limb limb, other;
+        if (child < 0) continue;
+        conemap__set_limb(skeleton, joints, i, &limb);
+        conemap__set_limb(skeleton, joints, child, &other);
+        if (!conemap__sharp(&limb, &other, skeleton->build.fit)) continue;
+        for (n = 0; n < pieces; ++n) {
+            conemap_frustum *f = &frusta[first + n];
+            conemap__bone *bone = &skeleton->build.bones[first + n];
+            f->parent = n ? first + n - 1 : i;
+            f->child = n + 1 < pieces ? first + n + 1 : -1;
+            f->branch = f->sibling = -1;
+            f->u_repeat = frusta[i].u_repeat;
+            f->user = frusta[i].user;
+            f->flags = frusta[i].flags | CONEMAP_FRUSTUM_ROUND;
+            bone->base = n ? joint - 1 : skeleton->build.bones[i].top;
+            bone->top = joint++;
+            bone->flat = skeleton->build.bones[i].flat;
+            bone->cosine = 1.0f;
+        }
+        frusta[i].child = first;
+        frusta[child].sibling = frusta[i].branch;
+        frusta[i].branch = child;
+        skeleton->count += pieces;
+        ++skeleton->rounded;
+    }
+    if (skeleton->rounded == 0) skeleton->build.joints = NULL;
+    if (skeleton->build.joints) conemap__place_rounds(skeleton, joints);
 }
 
 /* Whether every segment can be skinned with these joints. */
@@ -12717,7 +12888,7 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
         if (joint->radius > CONEMAP__FARTHEST || joint->thickness > CONEMAP__FARTHEST)
             return CONEMAP_ERROR_PARAMETER;
     }
-    for (i = 0; i < skeleton->count; ++i) {
+    for (i = 0; i < skeleton->build.segment_count; ++i) {
         const conemap__bone *bone = &skeleton->build.bones[i];
         const conemap_joint *base = &joints[bone->base], *top = &joints[bone->top];
         double d[3], p[3], widest, reach;
@@ -12756,8 +12927,25 @@ static void conemap__refit(conemap_skeleton *skeleton) {
     }
 }
 
-/* Skins every segment: chain by chain, so that a limb is settled as soon as the one that continues it has cut it. */
-static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joints) {
+/* Turns a branch's frame to its section's wide direction: as it was built, or, with a direction given, to that. */
+static void conemap__turn_limb(conemap__bone *bone, const float *wide, conemap__limb *limb) {
+    double x, z, length, turned[3];
+    int k;
+    if (wide) {
+        x = (double)wide[0] * limb->x[0] + (double)wide[1] * limb->x[1] + (double)wide[2] * limb->x[2];
+        z = (double)wide[0] * limb->z[0] + (double)wide[1] * limb->z[1] + (double)wide[2] * limb->z[2];
+        length = sqrt(x * x + z * z);
+        bone->rest_z[0] = length > 0.0 ? (float)(-z / length) : 0.0f;
+        bone->rest_z[1] = length > 0.0 ? (float)(x / length) : 1.0f;
+    }
+    for (k = 0; k < 3; ++k) turned[k] = (double)bone->rest_z[0] * limb->x[k] + (double)bone->rest_z[1] * limb->z[k];
+    memcpy(limb->z, turned, sizeof turned);
+    conemap__cross3(limb->y, limb->z, limb->x);
+}
+
+/* Skins every segment: chain by chain, so that a limb is settled as soon as the one that continues it has cut it. wide:
+   the segments while building, to learn how branches' sections lie; null later. */
+static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joints, const conemap_segment *wide) {
     conemap__limb limbs[2];
     const conemap_frustum *frusta = skeleton->build.frusta;
     int i, k, open = 0, clamped = 0; /* limbs[open & 1] waits for the one that continues it */
@@ -12767,7 +12955,9 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
         double y[3], z[3];
         conemap__set_limb(skeleton, joints, segment, limb);
         if (parent >= 0 && frusta[parent].child == segment) {
-            conemap__join(skeleton, before, limb);
+            const conemap__bone *bone = &skeleton->build.bones[parent];
+            conemap__join(before, limb, (double)bone->sine, (double)bone->cosine,
+                          skeleton->build.fit && !(limb->flags & CONEMAP_FRUSTUM_ROUND));
             if (skeleton->build.slope_normals) limb->lean_lower = before->lean_upper = 0.5 * (before->k + limb->k);
         } else if (parent >=
                    0) { /* a branch: the parent's frame, turned to where its u = 0 ends, is carried over */
@@ -12775,9 +12965,11 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
             const conemap__bone *bone = &skeleton->build.bones[parent];
             for (k = 0; k < 3; ++k) {
                 y[k] = (double)f->axis_y[k];
-                z[k] = (double)bone->sine * (double)f->axis_x[k] + (double)bone->cosine * (double)f->axis_z[k];
+                z[k] = (double)bone->sine * (double)f->axis_x[k] +
+                       (double)bone->cosine * (double)bone->flat * (double)f->axis_z[k];
             }
             conemap__carry(y, z, limb);
+            conemap__turn_limb(&skeleton->build.bones[segment], wide ? wide[segment].wide : NULL, limb);
             limb->flags |= CONEMAP_FRUSTUM_BRANCH;
         } else {
             const conemap__bone *bone = &skeleton->build.bones[segment];
@@ -12799,13 +12991,45 @@ static void conemap__skin(conemap_skeleton *skeleton, const conemap_joint *joint
 
 /* ---- building --------------------------------------------------------------------------------------- */
 
-static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, size_t *memory_size) {
+/* How many joins may be round: joints too sharp for a segment and any of its children. */
+static conemap_result conemap__count_rounds(const conemap_skeleton_desc *desc, size_t *rounds) {
+    int i;
+    *rounds = 0;
+    if (desc->round_joins == 0) return CONEMAP_OK;
+    if (desc->round_joins < 2 || desc->round_joins > 8) return CONEMAP_ERROR_PARAMETER;
+    if (!desc->joints || !desc->segments) return CONEMAP_ERROR_NULL;
+    for (i = 0; i < desc->segment_count; ++i) {
+        const conemap_segment *s = &desc->segments[i];
+        if (s->base < 0 || s->base >= desc->joint_count || s->top < 0 || s->top >= desc->joint_count)
+            return CONEMAP_ERROR_JOINT;
+        if (s->parent >= desc->segment_count) return CONEMAP_ERROR_PARENT;
+    }
+    for (i = 0; i < desc->segment_count; ++i) {
+        const conemap_segment *s = &desc->segments[i], *before = &desc->segments[s->parent < 0 ? 0 : s->parent];
+        conemap__limb limb, other;
+        if (s->parent < 0) continue;
+        conemap__lay_limb(&desc->joints[before->base], &desc->joints[before->top], before->radius, 1.0f, &limb);
+        conemap__lay_limb(&desc->joints[s->base], &desc->joints[s->top], s->radius, 1.0f, &other);
+        *rounds += conemap__sharp(&limb, &other, desc->fit) ? 1 : 0;
+    }
+    return CONEMAP_OK;
+}
+
+/* Bytes, and room for how many round joins. */
+static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, size_t *memory_size, size_t *rounds) {
+    conemap_result result;
     size_t count, size = 0;
     *memory_size = 0;
     if (desc->joint_count < 1 || desc->joint_count > (1 << 28) || desc->segment_count < 1 ||
         desc->segment_count > (1 << 28))
         return CONEMAP_ERROR_SIZE;
-    count = (size_t)desc->segment_count;
+    result = conemap__count_rounds(desc, rounds);
+    if (result != CONEMAP_OK) return result;
+    count = (size_t)desc->segment_count + *rounds * (size_t)desc->round_joins;
+    if (count > (1u << 28)) return CONEMAP_ERROR_SIZE;
+    if (*rounds && !conemap__add_size(&size, (size_t)desc->joint_count + *rounds * (size_t)desc->round_joins,
+                                      sizeof(conemap_joint)))
+        return CONEMAP_ERROR_OVERFLOW;
     if (!conemap__add_size(&size, count, sizeof(conemap_frustum)) ||
         !conemap__add_size(&size, count, sizeof(conemap__bone)) ||
         !conemap__add_size(&size, 2 * count, sizeof(conemap__branch)) ||
@@ -12817,14 +13041,15 @@ static conemap_result conemap__skeleton_size(const conemap_skeleton_desc *desc, 
 }
 
 CONEMAP__DEF conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *desc, size_t *memory_size) {
+    size_t rounds;
     if (!desc || !memory_size) return CONEMAP_ERROR_NULL;
-    return conemap__skeleton_size(desc, memory_size);
+    return conemap__skeleton_size(desc, memory_size, &rounds);
 }
 
 /* Copies the segments into frusta and bones; children hang in their parent's list of branches. */
 static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
     conemap_frustum *frusta = skeleton->build.frusta;
-    int i;
+    int i, k;
     for (i = 0; i < skeleton->count; ++i) frusta[i].child = frusta[i].branch = frusta[i].sibling = -1;
     for (i = skeleton->count - 1; i >= 0; --i) { /* backwards, so that lists come out in order */
         const conemap_segment *s = &desc->segments[i];
@@ -12837,11 +13062,16 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
             return CONEMAP_ERROR_PARAMETER;
         if (!conemap__finite(s->radius) || s->radius < 0.0f) return CONEMAP_ERROR_RADIUS;
         if (s->radius > CONEMAP__FARTHEST) return CONEMAP_ERROR_PARAMETER;
+        if (conemap__bits(s->flat) << 1 != 0 && !conemap__in_range(s->flat, 0.01f, 1.0f))
+            return CONEMAP_ERROR_PARAMETER;
+        for (k = 0; k < 3; ++k)
+            if (!conemap__in_range(s->wide[k], -CONEMAP__FARTHEST, CONEMAP__FARTHEST)) return CONEMAP_ERROR_PARAMETER;
         if (s->parent >= skeleton->count || (s->parent >= 0 && desc->segments[s->parent].top != s->base))
             return CONEMAP_ERROR_PARENT;
         bone->base = s->base;
         bone->top = s->top;
         bone->radius = s->radius;
+        bone->flat = conemap__bits(s->flat) << 1 == 0 ? 1.0f : s->flat;
         conemap__turn(-(double)s->twist, &sine, &cosine);
         bone->sine = (float)sine;
         bone->cosine = (float)cosine;
@@ -12850,7 +13080,8 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
         frusta[i].u_repeat = s->u_repeat ? s->u_repeat : 1;
         frusta[i].user = s->user;
         frusta[i].v_size = s->v_size;
-        frusta[i].flags = desc->c1_normals ? CONEMAP_FRUSTUM_C1 : 0;
+        frusta[i].flags =
+            (desc->c1_normals ? CONEMAP_FRUSTUM_C1 : 0) | (desc->exact_u ? CONEMAP_FRUSTUM_EXACT_U : 0);
         if (s->parent >= 0) {
             frusta[i].sibling = frusta[s->parent].branch;
             frusta[s->parent].branch = i;
@@ -12859,7 +13090,7 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
     return CONEMAP_OK;
 }
 
-/* Of each segment's children one continues it; then the order of the work, chain by chain. A segment that no root leads
+/* Of each segment's children one continues it; round joins; then the order of the work, chain by chain. A segment that no root leads
    to is part of a cycle. */
 static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const conemap_joint *joints) {
     conemap_frustum *frusta = skeleton->build.frusta;
@@ -12886,6 +13117,7 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
         frusta[best].sibling = -1;
         frusta[i].child = best;
     }
+    conemap__round_joins(skeleton, joints);
     for (i = 0; i < skeleton->count; ++i) {
         if (frusta[i].parent >= 0) continue;
         stack[depth++] = i;
@@ -12902,14 +13134,21 @@ static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const 
 }
 
 /* What stays as it was built: the map's v along the chains, and the roots' frames. */
-static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
+static conemap_result conemap__rest(const conemap_skeleton_desc *desc, const conemap_joint *joints,
+                                    conemap_skeleton *skeleton) {
     conemap_frustum *frusta = skeleton->build.frusta;
     int i, k;
     for (i = 0; i < skeleton->count; ++i) {
         int segment = skeleton->build.order[i], parent = frusta[segment].parent, least = 0;
         conemap__bone *bone = &skeleton->build.bones[segment];
         conemap__limb limb;
-        conemap__set_limb(skeleton, desc->joints, segment, &limb);
+        conemap__set_limb(skeleton, joints, segment, &limb);
+        if (frusta[segment].flags & CONEMAP_FRUSTUM_ROUND) { /* goes on as the segment it ends */
+            conemap__limb before;
+            conemap__set_limb(skeleton, joints, parent, &before);
+            frusta[segment].v_size = (float)((double)frusta[parent].v_size * limb.h / before.h);
+            frusta[segment].v_start = frusta[parent].v_start + frusta[parent].v_size;
+        }
         if (conemap__bits(frusta[segment].v_size) << 1 == 0)
             frusta[segment].v_size =
                 desc->v_per_length > 0.0f ? (float)(limb.h * (double)desc->v_per_length) : 1.0f;
@@ -12918,12 +13157,21 @@ static conemap_result conemap__rest(const conemap_skeleton_desc *desc, conemap_s
         if (!conemap__in_range(frusta[segment].v_start, -1e9f, 1e9f) ||
             !conemap__in_range(frusta[segment].v_size, -1e9f, 1e9f))
             return CONEMAP_ERROR_PARAMETER;
-        if (parent >= 0) continue;
-        for (k = 1; k < 3; ++k)
-            if (conemap__absd(limb.y[k]) < conemap__absd(limb.y[least])) least = k;
-        limb.x[least] = 1.0; /* z across the axis and the world axis that it leans to least */
+        if (parent >= 0) {
+            if (frusta[parent].child == segment && bone->flat < 1.0f && conemap__bits(frusta[parent].twist) << 1 != 0)
+                return CONEMAP_ERROR_UNSUPPORTED;
+            continue;
+        }
+        for (k = 0; k < 3; ++k) limb.x[k] = (double)desc->segments[segment].wide[k];
         conemap__cross3(limb.x, limb.y, limb.z);
-        conemap__normalise3(limb.z);
+        if (!conemap__normalise3(limb.z)) { /* z across the axis and the world axis that it leans to least */
+            for (k = 1; k < 3; ++k)
+                if (conemap__absd(limb.y[k]) < conemap__absd(limb.y[least])) least = k;
+            memset(limb.x, 0, sizeof limb.x);
+            limb.x[least] = 1.0;
+            conemap__cross3(limb.x, limb.y, limb.z);
+            conemap__normalise3(limb.z);
+        }
         for (k = 0; k < 3; ++k) {
             bone->rest_y[k] = (float)limb.y[k];
             bone->rest_z[k] = (float)limb.z[k];
@@ -13003,13 +13251,14 @@ static void conemap__plant(conemap_skeleton *skeleton) {
 
 static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton) {
     unsigned char *cursor;
-    size_t count, size;
+    size_t count, size, rounds;
     conemap_result result;
+    const conemap_joint *joints = desc->joints;
     if (!desc->joints || !desc->segments) return CONEMAP_ERROR_NULL;
     if ((desc->allocator.allocate == NULL) != (desc->allocator.release == NULL)) return CONEMAP_ERROR_NULL;
-    result = conemap__skeleton_size(desc, &size);
+    result = conemap__skeleton_size(desc, &size, &rounds);
     if (result != CONEMAP_OK) return result;
-    if (desc->fit_steps < 0 || desc->fit_steps > 64 || !conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
+    if (!conemap__in_range(desc->v_per_length, 0.0f, 1e9f) ||
         !conemap__in_range(desc->blend, 0.0f, 16.0f))
         return CONEMAP_ERROR_PARAMETER;
     skeleton->build.allocator = desc->allocator;
@@ -13017,8 +13266,11 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
                            &skeleton->build.memory, &skeleton->build.owns_memory);
     if (result != CONEMAP_OK) return result;
     memset(skeleton->build.memory, 0, size);
-    count = (size_t)desc->segment_count;
+    count = (size_t)desc->segment_count + rounds * (size_t)desc->round_joins;
     cursor = (unsigned char *)skeleton->build.memory;
+    if (rounds)
+        skeleton->build.joints = (conemap_joint *)conemap__cut(
+            &cursor, (size_t)desc->joint_count + rounds * (size_t)desc->round_joins, sizeof(conemap_joint));
     skeleton->build.frusta = (conemap_frustum *)conemap__cut(&cursor, count, sizeof(conemap_frustum));
     skeleton->build.bones = (conemap__bone *)conemap__cut(&cursor, count, sizeof(conemap__bone));
     skeleton->build.tree = (conemap__branch *)conemap__cut(&cursor, 2 * count, sizeof(conemap__branch));
@@ -13029,15 +13281,18 @@ static conemap_result conemap__build_skeleton(const conemap_skeleton_desc *desc,
     skeleton->count = desc->segment_count;
     skeleton->memory_size = size;
     skeleton->build.joint_count = desc->joint_count;
-    skeleton->build.fit_steps = desc->fit_steps;
+    skeleton->build.segment_count = desc->segment_count;
+    skeleton->build.pieces = rounds ? desc->round_joins : 0;
+    skeleton->build.fit = desc->fit;
     skeleton->build.slope_normals = desc->slope_normals;
     skeleton->build.blend = desc->blend;
     result = conemap__read_segments(desc, skeleton);
     if (result == CONEMAP_OK) result = conemap__check_joints(skeleton, desc->joints);
     if (result == CONEMAP_OK) result = conemap__order_segments(skeleton, desc->joints);
-    if (result == CONEMAP_OK) result = conemap__rest(desc, skeleton);
+    if (skeleton->build.joints) joints = skeleton->build.joints;
+    if (result == CONEMAP_OK) result = conemap__rest(desc, joints, skeleton);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, desc->joints);
+    conemap__skin(skeleton, joints, desc->segments);
     conemap__plant(skeleton);
     conemap__refit(skeleton);
     return CONEMAP_OK;
@@ -13058,7 +13313,11 @@ CONEMAP__DEF conemap_result conemap_skeleton_update(conemap_skeleton *skeleton, 
     if (!skeleton || !skeleton->frusta || !joints) return CONEMAP_ERROR_NULL;
     result = conemap__check_joints(skeleton, joints);
     if (result != CONEMAP_OK) return result;
-    conemap__skin(skeleton, joints);
+    if (skeleton->build.joints) {
+        conemap__place_rounds(skeleton, joints);
+        joints = skeleton->build.joints;
+    }
+    conemap__skin(skeleton, joints, NULL);
     conemap__refit(skeleton);
     return CONEMAP_OK;
 }
@@ -13080,7 +13339,8 @@ typedef struct conemap__shell {
     double t_a, t_b, v_a, v_b;
     /* what bounds the parametrisation's speed along the ray: see conemap__shell_bounds */
     double across, turning, nearest; /* |(x, z)'|^2, x' z - x z', and when d is least */
-    double angle_moves_cut, fixed_speed, span;
+    double by_v, span;               /* v moves at no more than by_v / span */
+    double stretch, twist;           /* u at stretch times the angle and twist times v */
 } conemap__shell;
 
 /* The map's bilinear cell at a place of the frustum, and where in it. */
@@ -13117,10 +13377,12 @@ static conemap__place_uvw conemap__shell_at(const conemap__shell *shell, double 
     memset(&at, 0, sizeof at);
     at.d = sqrt(p[0] * p[0] + p[2] * p[2]);
     at.thickness = (double)f->t + (double)f->tk * p[1];
+    at.sine = at.d > 0.0 ? p[0] / at.d : 0.0;
+    at.cosine = at.d > 0.0 ? p[2] / at.d : 1.0;
     at.w = at.d - ((double)f->r + (double)f->k * p[1]);
     if (at.thickness > 0.0) at.w /= at.thickness;
-    at.u = conemap__turns(p[0], p[2]);
     at.v = shell->v_a + (shell->v_b - shell->v_a) * ((t - shell->t_a) / (shell->t_b - shell->t_a));
+    at.u = conemap__turns_of(f, &at);
     return at;
 }
 
@@ -13172,11 +13434,16 @@ static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton
 
 /* What bounds how fast the map's coordinates change along a ray of the shell, for cone steps.
 
-   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. A cut y = (c + s r) / (1 - k s) moves with
-   the angle at |r + k c| / (1 - k s)^2 times |ds/dangle| <= the plane's slope n, and with w at n thickness / (1 - k
-   n); w itself moves at no more than (|(x, z)'| + (|k| + |tk|) |y'|) / thickness. v = (y - lower) / (upper - lower)
-   then moves at no more than (|y'| + the faster cut) / the least upper - lower, and that span is (c_u - c_l + d_l
-   (s_u - s_l)) / (1 - k s_u) for d_l, the distance from the axis at the lower cut. */
+   The angle's speed is |x' z - x z'| / d^2, whose numerator is constant. v = (y - lower) / (upper - lower) moves at
+   (y' - (1 - v) lower' - v upper') / (upper - lower). A cut y = (c + s r) / (1 - k s) moves with w at s T_cut / (T (1 -
+   k s)) times d' - k y', T the shell's thickness, and with the angle at s' d_cut / (d (1 - k s)) times what the ray
+   goes around the axis. Along the line on which v counts, d and T are linear: d = (1 - v) d_lower + v d_upper. So the
+   weights (1 - v) d_lower / d and v d_upper / d have the sum 1, and so have those of T: however near the axis the ray
+   passes, both cuts together move at no more than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, with n the
+   planes' slopes (s^2 + s'^2 = n^2). upper - lower is (c_u - c_l + d_l (s_u - s_l)) / (1 - k s_u).
+
+   For E of conemap__label, dE / dangle <= (1 + B) / (1 - B) and |dE / dv| <= 2 |b_u - b_l| / (1 - B), B the longer of
+   the two b. */
 static void conemap__shell_bounds(conemap__shell *shell) {
     const conemap_frustum *f = shell->f;
     conemap__cone inner = conemap__cone_at(f, 0.0), outer = conemap__cone_at(f, 1.0);
@@ -13184,42 +13451,42 @@ static void conemap__shell_bounds(conemap__shell *shell) {
     double n_upper = sqrt((double)f->upper[0] * (double)f->upper[0] + (double)f->upper[1] * (double)f->upper[1]);
     double da = (double)f->upper[0] - (double)f->lower[0], db = (double)f->upper[1] - (double)f->lower[1];
     double k = conemap__maxd(conemap__absd(inner.k), conemap__absd(outer.k)), n = conemap__maxd(n_lower, n_upper);
-    double rest = 1.0 - k * n, widest = conemap__maxd(inner.r, outer.r), vy = conemap__absd(shell->ray.v[1]),
-           reach, speed;
-    double c = conemap__maxd(conemap__absd((double)f->lower[2]), conemap__absd((double)f->upper[2]));
-    double thickest = (double)f->t, thinnest = (double)f->t;
+    double vy = conemap__absd(shell->ray.v[1]), around, reach;
     shell->across = shell->ray.v[0] * shell->ray.v[0] + shell->ray.v[2] * shell->ray.v[2];
     shell->turning = conemap__absd(shell->ray.v[0] * shell->ray.o[2] - shell->ray.o[0] * shell->ray.v[2]);
     shell->nearest = shell->across > 0.0
                          ? -(shell->ray.o[0] * shell->ray.v[0] + shell->ray.o[2] * shell->ray.v[2]) / shell->across
                          : 0.0;
-    shell->angle_moves_cut = n > 0.0 ? n * (widest + k * c) / (rest * rest) : 0.0;
+    around = sqrt(shell->across) + k * vy;
+    shell->by_v = vy + sqrt(n_lower * n_lower + n_upper * n_upper) / (1.0 - k * n) * around;
     reach = conemap__maxd(outer.r + outer.k * (double)f->lower[2], inner.r + inner.k * (double)f->lower[2]);
     reach /= 1.0 - k * n_lower; /* d_l at most */
     shell->span =
         ((double)f->upper[2] - (double)f->lower[2] - reach * sqrt(da * da + db * db)) / (1.0 + k * n_upper);
-    if (f->tk < 0.0f || f->tk > 0.0f) {
-        double low = (double)f->t + (double)f->tk * conemap__cone_reach(f->lower, outer, 0);
-        double high = (double)f->t + (double)f->tk * conemap__cone_reach(f->upper, outer, 1);
-        thickest = conemap__maxd(low, high);
-        thinnest = conemap__mind(low, high);
+    shell->stretch = 1.0;
+    shell->twist = conemap__absd((double)f->twist);
+    if (f->flags & CONEMAP_FRUSTUM_EXACT_U) {
+        double b[2], to[2], longer;
+        conemap__focus(f, 0.0, b);
+        conemap__focus(f, 1.0, to);
+        longer = sqrt(conemap__maxd(b[0] * b[0] + b[1] * b[1], to[0] * to[0] + to[1] * to[1]));
+        b[0] -= to[0];
+        b[1] -= to[1];
+        shell->stretch = (1.0 + longer) / (1.0 - longer);
+        shell->twist += 0.3183098861837907 * sqrt(b[0] * b[0] + b[1] * b[1]) / (1.0 - longer);
     }
-    if (n > 0.0 && !(thinnest > 0.0)) shell->span = 0.0; /* w has no bound */
-    speed = sqrt(shell->across) + (k + conemap__absd((double)f->tk)) * vy;
-    shell->fixed_speed = vy + (n > 0.0 && thinnest > 0.0 ? n * thickest / rest * (speed / thinnest) : 0.0);
 }
 
 /* Bounds |d(map_u, map_v)/dt| in the map's metric from t to t1; NEVER if there is no bound. */
 static double conemap__map_speed(const conemap__shell *shell, double t, double t1) {
     const conemap_frustum *f = shell->f;
-    double p[3], d2, at, u, v, turning;
+    double p[3], d2, at, u, v;
     at = shell->nearest < t ? t : shell->nearest > t1 ? t1 : shell->nearest;
     conemap__along(&shell->ray, at, p);
     d2 = p[0] * p[0] + p[2] * p[2];
     if (!(shell->span > 0.0) || !(d2 > 0.0)) return CONEMAP__NEVER;
-    turning = shell->turning / d2;
-    v = (shell->fixed_speed + shell->angle_moves_cut * turning) / shell->span;
-    u = (turning * 0.15915494309189535 + v * conemap__absd((double)f->twist)) * (double)f->u_repeat;
+    v = shell->by_v / shell->span;
+    u = (shell->stretch * shell->turning / d2 * 0.15915494309189535 + v * shell->twist) * (double)f->u_repeat;
     v *= conemap__absd((double)f->v_size) * (double)shell->map->info.aspect;
     return sqrt(u * u + v * v);
 }
@@ -13886,44 +14153,26 @@ static const conemap__snippet conemap__frusta_snippets[] = {
     {"conemap_shell",
      "$STRUCT conemap_shell { // what bounds how fast the map's place changes along a ray\n"
      "    float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis\n"
-     "    float by_turning, fixed_speed, span; // see conemap_bound_speed\n"
+     "    float by_v, span; // v moves at by_v / span at most: see conemap_bound_speed\n"
      "?c } conemap_shell;\n"
      "?!c };\n"},
-    {"conemap_thickness",
-     "// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.\n"
-     "$FNfloat conemap_thickness(conemap_frustum f, vec4 plane, vec2 cone, float side) {\n"
-     "    float tilt = abs(plane.x) + abs(plane.y), y = conemap_cut(plane, tilt, cone, 0.0f);\n"
-     "    float other = conemap_cut(plane, -tilt, cone, 0.0f), across = abs(plane.x) - abs(plane.y);\n"
-     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
-     "    other = conemap_cut(plane, across, cone, 0.0f);\n"
-     "    y = side > 0.0f ? max(y, other) : min(y, other);\n"
-     "    other = conemap_cut(plane, -across, cone, 0.0f);\n"
-     "    return f.radii.z + f.radii.w * (side > 0.0f ? max(y, other) : min(y, other));\n"
-     "}\n"},
     {"conemap_bound_speed",
-     "// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r "
-     "+ k c) /\n"
-     "// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than\n"
-     "// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.\n"
+     "// The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no "
+     "more\n"
+     "// than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between "
+     "them.\n"
      "$FNconemap_shell conemap_bound_speed(conemap_frustum f, vec3 o, vec3 v) {\n"
      "    conemap_shell s;\n"
      "    vec2 inner = vec2(f.radii.x, f.radii.y), outer = vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);\n"
      "    float lower = sqrt(f.lower.x * f.lower.x + f.lower.y * f.lower.y);\n"
      "    float upper = sqrt(f.upper.x * f.upper.x + f.upper.y * f.upper.y);\n"
      "    float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = max(lower, upper);\n"
-     "    float k = max(abs(inner.y), abs(outer.y)), rest = 1.0f - k * n, vy = abs(v.y);\n"
-     "    float c = max(abs(f.lower.z), abs(f.upper.z)), across = v.x * v.x + v.z * v.z;\n"
-     "    float low = conemap_thickness(f, f.lower, outer, -1.0f), high = conemap_thickness(f, f.upper, outer, 1.0f);\n"
-     "    float thinnest = min(low, high);\n"
+     "    float k = max(abs(inner.y), abs(outer.y)), vy = abs(v.y), across = v.x * v.x + v.z * v.z;\n"
      "    s.turning = abs(v.x * o.z - o.x * v.z);\n"
      "    s.nearest = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : 0.0f;\n"
-     "    s.by_turning = n * (max(inner.x, outer.x) + k * c) / (rest * rest);\n"
+     "    s.by_v = vy + sqrt(lower * lower + upper * upper) / (1.0f - k * n) * (sqrt(across) + k * vy);\n"
      "    s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);\n"
      "    s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0f + k * upper);\n"
-     "    s.fixed_speed = vy;\n"
-     "    if (n > 0.0f && thinnest > 0.0f)\n"
-     "        s.fixed_speed += n * max(low, high) / rest * ((sqrt(across) + (k + abs(f.radii.w)) * vy) / thinnest);\n"
-     "    if (n > 0.0f && !(thinnest > 0.0f)) s.span = 0.0f; // no bound\n"
      "    return s;\n"
      "}\n"},
     {"conemap_map_speed",
@@ -13931,7 +14180,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "$FNfloat conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, float t, float t_end) {\n"
      "    vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));\n"
      "    float d2 = p.x * p.x + p.z * p.z;\n"
-     "    float angle = s.turning / max(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;\n"
+     "    float angle = s.turning / max(d2, 1e-30f), by_v = s.by_v / s.span;\n"
      "    float by_u = (angle * 0.159154943f + by_v * abs(f.extent.w)) * float(f.more.y);\n"
      "    by_v *= abs(f.extent.z)$TIMES_ASPECT;\n"
      "    return s.span > 0.0f && d2 > 0.0f ? sqrt(by_u * by_u + by_v * by_v) : 1e30f;\n"
@@ -14014,13 +14263,17 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "// The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.\n"
      "$FNvec3 conemap_end_normal(conemap_frustum f, vec4 plane, conemap_uvw at, float joint) {\n"
      "    float y = conemap_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);\n"
-     "    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrt(radius * radius + y * y);\n"
+     "    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y;\n"
+     "    float wide_x = f.axis_x.x * f.axis_x.x + f.axis_x.y * f.axis_x.y + f.axis_x.z * f.axis_x.z; // 1 if round\n"
+     "    float wide_z = f.axis_z.x * f.axis_z.x + f.axis_z.y * f.axis_z.y + f.axis_z.z * f.axis_z.z;\n"
+     "    y += radius * (plane.x * at.sine * (wide_x - 1.0f) + plane.y * at.cosine * (wide_z - 1.0f));\n"
      "    if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit\n"
      "        radius = 1.0f;\n"
      "        y = 0.0f;\n"
-     "        size = 1.0f;\n"
      "    }\n"
-     "    float lean = plane.w * size / sqrt(1.0f + plane.x * plane.x + plane.y * plane.y);\n"
+     "    float across = at.sine * at.sine * wide_x + at.cosine * at.cosine * wide_z;\n"
+     "    float size = sqrt(radius * radius * across + y * y);\n"
+     "    float lean = plane.w * size / sqrt(1.0f + plane.x * plane.x * wide_x + plane.y * plane.y * wide_z);\n"
      "    return conemap_unit(vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * "
      "plane.y));\n"
      "}\n"},

@@ -139,48 +139,23 @@ float3 conemap_span(conemap_frustum f, float2 cone, float3 o, float3 v, float t_
 
 struct conemap_shell { // what bounds how fast the map's place changes along a ray
     float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis
-    float by_turning, fixed_speed, span; // see conemap_bound_speed
+    float by_v, span; // v moves at by_v / span at most: see conemap_bound_speed
 };
 
-// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its growth) in the
-// direction in which the plane rises by `tilt`.
-float conemap_cut(float4 plane, float tilt, float2 cone, float base) {
-    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0 - cone.y * tilt);
-}
-
-// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.
-float conemap_thickness(conemap_frustum f, float4 plane, float2 cone, float side) {
-    float tilt = abs(plane.x) + abs(plane.y), y = conemap_cut(plane, tilt, cone, 0.0);
-    float other = conemap_cut(plane, -tilt, cone, 0.0), across = abs(plane.x) - abs(plane.y);
-    y = side > 0.0 ? max(y, other) : min(y, other);
-    other = conemap_cut(plane, across, cone, 0.0);
-    y = side > 0.0 ? max(y, other) : min(y, other);
-    other = conemap_cut(plane, -across, cone, 0.0);
-    return f.radii.z + f.radii.w * (side > 0.0 ? max(y, other) : min(y, other));
-}
-
-// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r + k c) /
-// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than
-// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.
+// The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no more
+// than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between them.
 conemap_shell conemap_bound_speed(conemap_frustum f, float3 o, float3 v) {
     conemap_shell s;
     float2 inner = float2(f.radii.x, f.radii.y), outer = float2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);
     float lower = sqrt(f.lower.x * f.lower.x + f.lower.y * f.lower.y);
     float upper = sqrt(f.upper.x * f.upper.x + f.upper.y * f.upper.y);
     float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = max(lower, upper);
-    float k = max(abs(inner.y), abs(outer.y)), rest = 1.0 - k * n, vy = abs(v.y);
-    float c = max(abs(f.lower.z), abs(f.upper.z)), across = v.x * v.x + v.z * v.z;
-    float low = conemap_thickness(f, f.lower, outer, -1.0), high = conemap_thickness(f, f.upper, outer, 1.0);
-    float thinnest = min(low, high);
+    float k = max(abs(inner.y), abs(outer.y)), vy = abs(v.y), across = v.x * v.x + v.z * v.z;
     s.turning = abs(v.x * o.z - o.x * v.z);
     s.nearest = across > 0.0 ? -(o.x * v.x + o.z * v.z) / across : 0.0;
-    s.by_turning = n * (max(inner.x, outer.x) + k * c) / (rest * rest);
+    s.by_v = vy + sqrt(lower * lower + upper * upper) / (1.0 - k * n) * (sqrt(across) + k * vy);
     s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0 - k * lower);
     s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0 + k * upper);
-    s.fixed_speed = vy;
-    if (n > 0.0 && thinnest > 0.0)
-        s.fixed_speed += n * max(low, high) / rest * ((sqrt(across) + (k + abs(f.radii.w)) * vy) / thinnest);
-    if (n > 0.0 && !(thinnest > 0.0)) s.span = 0.0; // no bound
     return s;
 }
 
@@ -190,6 +165,12 @@ struct conemap_uvw { // a place in a frustum, with what it was computed from
     float2 cone; // that of the shell that goes through the place
     float low, high; // y where its straight line there meets the cutting planes
 };
+
+// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its growth) in the
+// direction in which the plane rises by `tilt`.
+float conemap_cut(float4 plane, float tilt, float2 cone, float base) {
+    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0 - cone.y * tilt);
+}
 
 // The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.
 float conemap_turns(float x, float z) {
@@ -274,7 +255,7 @@ float2 conemap_relief(conemap_frustum f, float u, float v) {
 float conemap_map_speed(conemap_frustum f, conemap_shell s, float3 o, float3 v, float t, float t_end) {
     float3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    float angle = s.turning / max(d2, 1e-30), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / max(d2, 1e-30), by_v = s.by_v / s.span;
     float by_u = (angle * 0.159154943 + by_v * abs(f.extent.w)) * float(f.more.y);
     by_v *= abs(f.extent.z);
     return s.span > 0.0 && d2 > 0.0 ? sqrt(by_u * by_u + by_v * by_v) : 1e30;
@@ -353,13 +334,17 @@ struct conemap_normals { // in the world, units
 // The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.
 float3 conemap_end_normal(conemap_frustum f, float4 plane, conemap_uvw at, float joint) {
     float y = conemap_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);
-    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrt(radius * radius + y * y);
+    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y;
+    float wide_x = f.axis_x.x * f.axis_x.x + f.axis_x.y * f.axis_x.y + f.axis_x.z * f.axis_x.z; // 1 if round
+    float wide_z = f.axis_z.x * f.axis_z.x + f.axis_z.y * f.axis_z.y + f.axis_z.z * f.axis_z.z;
+    y += radius * (plane.x * at.sine * (wide_x - 1.0) + plane.y * at.cosine * (wide_z - 1.0));
     if (!(radius > 1e-6 * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit
         radius = 1.0;
         y = 0.0;
-        size = 1.0;
     }
-    float lean = plane.w * size / sqrt(1.0 + plane.x * plane.x + plane.y * plane.y);
+    float across = at.sine * at.sine * wide_x + at.cosine * at.cosine * wide_z;
+    float size = sqrt(radius * radius * across + y * y);
+    float lean = plane.w * size / sqrt(1.0 + plane.x * plane.x * wide_x + plane.y * plane.y * wide_z);
     return conemap_unit(float3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
 }
 

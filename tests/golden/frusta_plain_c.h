@@ -262,13 +262,17 @@ static fplain_vec3 fplain_unit(fplain_vec3 n) {
 // The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.
 static fplain_vec3 fplain_end_normal(fplain_frustum f, fplain_vec4 plane, fplain_uvw at, float joint) {
     float y = fplain_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);
-    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrtf(radius * radius + y * y);
+    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y;
+    float wide_x = f.axis_x.x * f.axis_x.x + f.axis_x.y * f.axis_x.y + f.axis_x.z * f.axis_x.z; // 1 if round
+    float wide_z = f.axis_z.x * f.axis_z.x + f.axis_z.y * f.axis_z.y + f.axis_z.z * f.axis_z.z;
+    y += radius * (plane.x * at.sine * (wide_x - 1.0f) + plane.y * at.cosine * (wide_z - 1.0f));
     if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit
         radius = 1.0f;
         y = 0.0f;
-        size = 1.0f;
     }
-    float lean = plane.w * size / sqrtf(1.0f + plane.x * plane.x + plane.y * plane.y);
+    float across = at.sine * at.sine * wide_x + at.cosine * at.cosine * wide_z;
+    float size = sqrtf(radius * radius * across + y * y);
+    float lean = plane.w * size / sqrtf(1.0f + plane.x * plane.x * wide_x + plane.y * plane.y * wide_z);
     return fplain_unit(fplain_make_vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
 }
 
