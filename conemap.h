@@ -8435,7 +8435,7 @@ static const char conemap__loop_exact[] =
     "@cone\n"
     "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
     "the border\n"
-    "        hit = conemap_patch_hit($CORNERS, x, y, z - $HEIGHT, v, min(leave, left));\n"
+    "        hit = conemap_patch_hit($CELL, x, y, z - $BELOW, v, min(leave, left));\n"
     "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
     "it\n"
     "?back             walked = t;\n"
@@ -8444,7 +8444,7 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        float gap = z - $HEIGHT - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised by more "
+    "        float gap = z - $BELOW - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised by more "
     "than rounding\n"
     "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f);\n"
@@ -8457,7 +8457,7 @@ static const char conemap__loop_exact[] =
 static const char conemap__loop_linear[] =
     "@surface\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
+    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8467,7 +8467,7 @@ static const char conemap__loop_linear[] =
 static const char conemap__loop_loop[] =
     "@surface\n"
     "@cone\n"
-    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
+    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
     "        found = gap <= $TOLERANCE;\n"
     "        if (steps + 1 == $LIMIT || (steps == 0 && gap <= 0.0f)) break; // it begins inside\n"
     "?secant         if (gap > 0.0f) above = gap;\n"
@@ -8480,7 +8480,7 @@ static const char conemap__loop_step[] = /* exact-step, cell-max */
     "@surface\n"
     "@cone\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - $HEIGHT, 0.0f) : z - $HEIGHT;\n"
+    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8506,8 +8506,8 @@ static const char conemap__loop_blocks[] =
     "            continue;\n"
     "        }\n"
     "@surface\n"
-    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $HEIGHT, v, end);\n"
-    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $HEIGHT, v, end);\n"
+    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $BELOW, v, end);\n"
+    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $BELOW, v, end);\n"
     "        done = hit >= 0.0f || leave >= left;\n"
     "        if (done) break;\n"
     "        dt = leave;\n"
@@ -8529,7 +8529,7 @@ static const char conemap__trace_tail[] =
     "?bisect,refined         dt = gap > 0.0f ? 0.5f * abs(dt) : -0.5f * abs(dt);\n"
     "?bisect,refined @move\n"
     "?bisect,refined @surface\n"
-    "?bisect,refined         gap = z - $HEIGHT;\n"
+    "?bisect,refined         gap = z - $BELOW;\n"
     "?bisect,refined     }\n"
     "?exact_step,!refined     dt = found && steps > 0 ? -min(extra, dt) : 0.0f; // a texel back\n"
     "?bare     return vec4((float(i) + float(si) * $AT_X + 0.5f) / $FW,\n"
@@ -9553,8 +9553,8 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        : d->map.texture.encoding == CONEMAP_SQRT     ? "here.y * here.y"
                        : d->map.texture.encoding == CONEMAP_RADIUS   ? "conemap_tangent(here.y, here.x)"
                                                                      : "here.y");
-    conemap__piece_set(e, "HEIGHT", 0, f[conemap__flag_together] ? "here.x" : "height");
-    conemap__piece_set(e, "CORNERS", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
+    conemap__piece_set(e, "BELOW", 0, f[conemap__flag_together] ? "here.x" : "height");
+    conemap__piece_set(e, "CELL", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
     out = conemap__piece_new(e, "CONES_DENIED", 0);
     if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
     conemap__append(out, size, " || t < walked");

@@ -227,48 +227,23 @@ static feffects_frustum feffects_flatten(feffects_frustum f, float fade) {
 
 typedef struct feffects_shell { // what bounds how fast the map's place changes along a ray
     float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis
-    float by_turning, fixed_speed, span; // see feffects_bound_speed
+    float by_v, span; // v moves at by_v / span at most: see feffects_bound_speed
 } feffects_shell;
 
-// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its growth) in the
-// direction in which the plane rises by `tilt`.
-static float feffects_cut(feffects_vec4 plane, float tilt, feffects_vec2 cone, float base) {
-    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0f - cone.y * tilt);
-}
-
-// Of the shell where a plane has its lowest (side -1) or highest corner on the outer cone.
-static float feffects_thickness(feffects_frustum f, feffects_vec4 plane, feffects_vec2 cone, float side) {
-    float tilt = fabsf(plane.x) + fabsf(plane.y), y = feffects_cut(plane, tilt, cone, 0.0f);
-    float other = feffects_cut(plane, -tilt, cone, 0.0f), across = fabsf(plane.x) - fabsf(plane.y);
-    y = side > 0.0f ? fmaxf(y, other) : fminf(y, other);
-    other = feffects_cut(plane, across, cone, 0.0f);
-    y = side > 0.0f ? fmaxf(y, other) : fminf(y, other);
-    other = feffects_cut(plane, -across, cone, 0.0f);
-    return f.radii.z + f.radii.w * (side > 0.0f ? fmaxf(y, other) : fminf(y, other));
-}
-
-// The angle turns at |x' z - x z'| / d^2. A cut y = (c + s r) / (1 - k s) moves with it by at most n (r + k c) /
-// (1 - k n)^2, n the plane's slope, and with w by at most n thickness / (1 - k n). So v moves no faster than
-// (fixed_speed + by_turning * angle) / span, with span the least way between the cuts.
+// The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no more
+// than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between them.
 static feffects_shell feffects_bound_speed(feffects_frustum f, feffects_vec3 o, feffects_vec3 v) {
     feffects_shell s;
     feffects_vec2 inner = feffects_make_vec2(f.radii.x, f.radii.y), outer = feffects_make_vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w);
     float lower = sqrtf(f.lower.x * f.lower.x + f.lower.y * f.lower.y);
     float upper = sqrtf(f.upper.x * f.upper.x + f.upper.y * f.upper.y);
     float da = f.upper.x - f.lower.x, db = f.upper.y - f.lower.y, n = fmaxf(lower, upper);
-    float k = fmaxf(fabsf(inner.y), fabsf(outer.y)), rest = 1.0f - k * n, vy = fabsf(v.y);
-    float c = fmaxf(fabsf(f.lower.z), fabsf(f.upper.z)), across = v.x * v.x + v.z * v.z;
-    float low = feffects_thickness(f, f.lower, outer, -1.0f), high = feffects_thickness(f, f.upper, outer, 1.0f);
-    float thinnest = fminf(low, high);
+    float k = fmaxf(fabsf(inner.y), fabsf(outer.y)), vy = fabsf(v.y), across = v.x * v.x + v.z * v.z;
     s.turning = fabsf(v.x * o.z - o.x * v.z);
     s.nearest = across > 0.0f ? -(o.x * v.x + o.z * v.z) / across : 0.0f;
-    s.by_turning = n * (fmaxf(inner.x, outer.x) + k * c) / (rest * rest);
+    s.by_v = vy + sqrtf(lower * lower + upper * upper) / (1.0f - k * n) * (sqrtf(across) + k * vy);
     s.span = fmaxf(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);
     s.span = (f.upper.z - f.lower.z - s.span * sqrtf(da * da + db * db)) / (1.0f + k * upper);
-    s.fixed_speed = vy;
-    if (n > 0.0f && thinnest > 0.0f)
-        s.fixed_speed += n * fmaxf(low, high) / rest * ((sqrtf(across) + (k + fabsf(f.radii.w)) * vy) / thinnest);
-    if (n > 0.0f && !(thinnest > 0.0f)) s.span = 0.0f; // no bound
     return s;
 }
 
@@ -278,6 +253,12 @@ typedef struct feffects_uvw { // a place in a frustum, with what it was computed
     feffects_vec2 cone; // that of the shell that goes through the place
     float low, high; // y where its straight line there meets the cutting planes
 } feffects_uvw;
+
+// How far above y = base a cutting plane meets the straight line of a cone (radius at y = 0, its growth) in the
+// direction in which the plane rises by `tilt`.
+static float feffects_cut(feffects_vec4 plane, float tilt, feffects_vec2 cone, float base) {
+    return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0f - cone.y * tilt);
+}
 
 // The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.
 static float feffects_turns(float x, float z) {
@@ -351,7 +332,7 @@ static feffects_vec2 feffects_relief(feffects_frustum f, float u, float v) {
 static float feffects_map_speed(feffects_frustum f, feffects_shell s, feffects_vec3 o, feffects_vec3 v, float t, float t_end) {
     feffects_vec3 p = feffects_along(o, v, fminf(fmaxf(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
-    float angle = s.turning / fmaxf(d2, 1e-30f), by_v = (s.fixed_speed + s.by_turning * angle) / s.span;
+    float angle = s.turning / fmaxf(d2, 1e-30f), by_v = s.by_v / s.span;
     float by_u = (angle * 0.159154943f + by_v * fabsf(f.extent.w)) * (float)(f.more.y);
     by_v *= fabsf(f.extent.z) * 7.5e-1f;
     return s.span > 0.0f && d2 > 0.0f ? sqrtf(by_u * by_u + by_v * by_v) : 1e30f;
@@ -435,13 +416,17 @@ static feffects_vec3 feffects_unit(feffects_vec3 n) {
 // The surface normal at a cut [BJCW09 eq. 8]: away from the joint, leaning back along the plane's own normal.
 static feffects_vec3 feffects_end_normal(feffects_frustum f, feffects_vec4 plane, feffects_uvw at, float joint) {
     float y = feffects_cut(plane, plane.x * at.sine + plane.y * at.cosine, at.cone, joint);
-    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y, size = sqrtf(radius * radius + y * y);
+    float radius = at.cone.x + at.cone.y * joint + at.cone.y * y;
+    float wide_x = f.axis_x.x * f.axis_x.x + f.axis_x.y * f.axis_x.y + f.axis_x.z * f.axis_x.z; // 1 if round
+    float wide_z = f.axis_z.x * f.axis_z.x + f.axis_z.y * f.axis_z.y + f.axis_z.z * f.axis_z.z;
+    y += radius * (plane.x * at.sine * (wide_x - 1.0f) + plane.y * at.cosine * (wide_z - 1.0f));
     if (!(radius > 1e-6f * (f.radii.x + f.radii.z + f.extent.x))) { // the end is a point: the limit
         radius = 1.0f;
         y = 0.0f;
-        size = 1.0f;
     }
-    float lean = plane.w * size / sqrtf(1.0f + plane.x * plane.x + plane.y * plane.y);
+    float across = at.sine * at.sine * wide_x + at.cosine * at.cosine * wide_z;
+    float size = sqrtf(radius * radius * across + y * y);
+    float lean = plane.w * size / sqrtf(1.0f + plane.x * plane.x * wide_x + plane.y * plane.y * wide_z);
     return feffects_unit(feffects_make_vec3(radius * at.sine + lean * plane.x, y - lean, radius * at.cosine + lean * plane.y));
 }
 
