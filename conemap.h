@@ -390,6 +390,7 @@ typedef struct conemap_map {
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         unsigned char *wanted;  /* while updating: what to do with each texel */
+        int *wanted_columns;    /* and the first and the last such column of each band of rows */
         float *survey;          /* with keep_search, two numbers for each block of CONEMAP__BAND^2 texels and each
                                    sector: see conemap__surveyed */
         int updating, keeps_search;
@@ -1974,26 +1975,28 @@ CONEMAP__INLINE float *conemap__maxima(const conemap_pyramid *pyramid, int k, in
     return pyramid->level[k] + (size_t)y * (size_t)pyramid->width[k];
 }
 
-static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1);
+static void conemap__maxima_rows(const conemap_map *map, int k, int x0, int x1, int y0, int y1);
 
 static void conemap__maxima_strip(const conemap_map *map, int strip) {
     int k;
     for (k = 1; k <= CONEMAP__STRIP_LEVELS && k < map->build.texels.levels; ++k) {
         int rows = CONEMAP__STRIP >> k;
-        conemap__maxima_rows(map, k, strip * rows, conemap__mini((strip + 1) * rows, map->build.texels.height[k]));
+        conemap__maxima_rows(map, k, 0, map->build.texels.width[k], strip * rows,
+                             conemap__mini((strip + 1) * rows, map->build.texels.height[k]));
     }
 }
 
 static void conemap__maxima_top(const conemap_map *map) {
     int k;
     for (k = CONEMAP__STRIP_LEVELS + 1; k < map->build.texels.levels; ++k)
-        conemap__maxima_rows(map, k, 0, map->build.texels.height[k]);
+        conemap__maxima_rows(map, k, 0, map->build.texels.width[k], 0, map->build.texels.height[k]);
 }
 
-/* Everything that depends on rows y0..y1 of the texels, both ends included. */
-static void conemap__maxima_region(const conemap_map *map, int y0, int y1) {
+/* Everything that depends on texels x0..x1, y0..y1, both ends included. */
+static void conemap__maxima_region(const conemap_map *map, int x0, int x1, int y0, int y1) {
     int k;
-    for (k = 1; k < map->build.texels.levels; ++k) conemap__maxima_rows(map, k, y0 >> k, (y1 >> k) + 1);
+    for (k = 1; k < map->build.texels.levels; ++k)
+        conemap__maxima_rows(map, k, x0 >> k, (x1 >> k) + 1, y0 >> k, (y1 >> k) + 1);
 }
 
 static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyramid) {
@@ -2072,6 +2075,7 @@ typedef struct conemap__search {
     float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
     float near2;             /* pairs closer than its root are left to others; 0 for vertex cones */
     float widen2;            /* (1 + slack)^2 */
+    int is_away;             /* the tile is none of the map's, and sees it as it stands, without images */
     int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
 } conemap__search;
 
@@ -2373,15 +2377,20 @@ typedef struct conemap__kernels {
     void (*tangent_row)(const float *const *slopes2, int rows, float margin, float max_tan, int count, float *out);
     /* The widest stored values that decode to no more than the tangents. */
     void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
+    /* Lower bounds of squared slopes, from stored cones, which rounding made narrower by less than a step. */
+    void (*floor_row)(const conemap_info *info, const float *heights, const float *cones, int count, float *out);
     /* Maxima over 2 x 2 of two rows of `width`, which are the same row where the last has no partner. */
     void (*maxima_row)(const float *above, const float *below, int width, float *out);
     /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are
        null. */
-    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
+    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
+                     int count, float *out);
     /* Squares of the longest gradients of the cells between two rows. */
-    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, float *out);
+    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, int first,
+                         int count, float *out);
     /* Squares of what each texel sees of its own four cells, at least `least`. Missing rows are null. */
-    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
+    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
+                        int count, float *out);
     /* The steepest that a few neighbours make of it: maxima of dh^2 * inverse[k] over height differences to the texel
        columns[k] to the right in rows[k]. */
     void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n,
@@ -2401,7 +2410,7 @@ typedef struct conemap__kernels {
     /* [VB22] for up to 16 columns of a row: squared slopes, at least `least`. */
     void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns,
                       const conemap__quick_level *levels, const float *heights, float least, int count, float *out);
-    /* Raises a tile's slopes to the steepest there is. */
+    /* Raises a tile's slopes to the steepest there is. With is_away its own x and y count from the map's corner. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
     /* The larger of two rows; and what a square, the larger of two places in a row, does to conemap__look's columns. */
     void (*larger_row)(const float *a, const float *b, int count, float *out);
@@ -2413,6 +2422,7 @@ typedef struct conemap__kernels {
 
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
+      conemap__floor_row_##isa,                                                                                     \
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
       conemap__near_row_##isa, conemap__sights_row_##isa, conemap__patch_##isa, conemap__steepest_row_##isa,   \
       conemap__quick_row_##isa, conemap__search_tile_##isa,                                                         \
@@ -3261,14 +3271,14 @@ CONEMAP__INLINE float conemap__ring(const conemap_map *map, conemap_generator ge
     return s;
 }
 
-static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1) {
+static void conemap__maxima_rows(const conemap_map *map, int k, int x0, int x1, int y0, int y1) {
     const conemap_pyramid *pyramid = &map->build.texels;
-    int y;
+    int y, width = conemap__mini(2 * x1, pyramid->width[k - 1]) - 2 * x0;
     for (y = y0; y < y1; ++y)
         conemap__kernels_of(map->isa)->maxima_row(
-            conemap__maxima(pyramid, k - 1, 2 * y),
-            conemap__maxima(pyramid, k - 1, conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1)),
-            pyramid->width[k - 1], conemap__maxima(pyramid, k, y));
+            conemap__maxima(pyramid, k - 1, 2 * y) + 2 * x0,
+            conemap__maxima(pyramid, k - 1, conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1)) + 2 * x0, width,
+            conemap__maxima(pyramid, k, y) + x0);
 }
 
 /* Row j of a plane, by way of the wrap mode; null beyond the map. */
@@ -3308,14 +3318,17 @@ static conemap__search conemap__make_search(const conemap_map *map) {
 enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
 CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what);
 
-/* Cuts off what is not wanted at either end of a run of texels; 0 if nothing is left. */
-static int conemap__cut_run(const conemap_map *map, int sector, int *x, int y, int *count, int what) {
-    while (*count > 0 && !conemap__is_wanted(map, sector, *x + *count - 1, y, what)) --*count;
-    while (*count > 0 && !conemap__is_wanted(map, sector, *x, y, what)) {
-        ++*x;
-        --*count;
-    }
-    return *count > 0;
+/* The columns of row y that passes have to go through, as a first one and the one behind the last; all in a build. */
+static void conemap__columns(const conemap_map *map, int sector, int y, int *x0, int *x1);
+
+/* Leaves out what is not wanted at the beginning of texels *x..end - 1 of a row; returns how many, up to
+   CONEMAP__RUN, are wanted from there on. */
+static int conemap__next_run(const conemap_map *map, int sector, int *x, int end, int y, int what) {
+    int count = 0;
+    if (!map->build.wanted) return conemap__mini(CONEMAP__RUN, end - *x);
+    while (*x < end && !conemap__is_wanted(map, sector, *x, y, what)) ++*x;
+    while (count < CONEMAP__RUN && *x + count < end && conemap__is_wanted(map, sector, *x + count, y, what)) ++count;
+    return count;
 }
 
 /* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
@@ -3984,20 +3997,18 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
 static void conemap__sights_rows(const conemap__band *band, const conemap__sights *sights, int of_cells) {
     const conemap_map *map = band->map;
     const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
-    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x;
-    int count = of_cells && !wraps ? conemap__maxi(w - 1, 1) : w;
+    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x, end, run;
     for (j = band->y0; j < band->y1; ++j) {
         float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w
             : plane;
         if (of_cells && !conemap__cell_exists(map, 0, j)) continue;
         for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
             rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, j + k);
-        for (x = 0; x < count; x += CONEMAP__RUN) {
-            int first = x, run = conemap__mini(CONEMAP__RUN, count - x);
-            if (conemap__cut_run(map, 0, &first, j, &run, CONEMAP__SEARCH))
-                conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
-                                                          of_cells ? plane : NULL, first, run, out + first);
-        }
+        conemap__columns(map, 0, j, &x, &end);
+        if (of_cells && !wraps) end = conemap__mini(end, conemap__maxi(w - 1, 1));
+        for (; (run = conemap__next_run(map, 0, &x, end, j, CONEMAP__SEARCH)) > 0; x += run)
+            conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
+                                                      of_cells ? plane : NULL, x, run, out + x);
     }
 }
 
@@ -4652,6 +4663,18 @@ CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x
                                                     (size_t)y * (size_t)map->info.width + (size_t)x] & what);
 }
 
+static void conemap__columns(const conemap_map *map, int sector, int y, int *x0, int *x1) {
+    int w = map->info.width;
+    const int *columns = map->build.wanted_columns;
+    *x0 = 0;
+    *x1 = w;
+    if (!map->build.wanted) return;
+    columns += 2 * (sector * conemap__bands(map->info.height) + y / CONEMAP__BAND);
+    if (map->info.wrap_u == CONEMAP_WRAP && (columns[0] == 0 || columns[1] == w - 1)) return;
+    *x0 = conemap__maxi(columns[0] - 1, 0); /* cells need the vertices beside them */
+    *x1 = conemap__mini(columns[1] + 2, w);
+}
+
 /* The jobs of a sector's cones: one sector after the other. */
 
 /* Tells the host how far the build is: almost all of the work is in the cones. */
@@ -4683,9 +4706,10 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
 /* Searches the tiles of rows y0 to y1, tile rows whole; the plane of slopes holds what is known. */
 static conemap_result conemap__search_rows(const conemap_map *map, conemap__search *search, int y0, int y1,
                                            float *slopes) {
-    int x, y, w = map->info.width;
-    for (y = y0; y < y1; y += CONEMAP__TILE)
-        for (x = 0; x < w; x += CONEMAP__TILE) {
+    int x, y, end, w = map->info.width;
+    for (y = y0; y < y1; y += CONEMAP__TILE) {
+        conemap__columns(map, 0, y, &x, &end);
+        for (x -= x % CONEMAP__TILE; x < end; x += CONEMAP__TILE) {
             conemap__search_tile(map, search, x, y, slopes);
             if (x % 512 == 512 - CONEMAP__TILE || x + CONEMAP__TILE >= w) {
                 conemap_result result = conemap__report(
@@ -4695,17 +4719,20 @@ static conemap_result conemap__search_rows(const conemap_map *map, conemap__sear
                 if (result != CONEMAP_OK) return result;
             }
         }
+    }
     return CONEMAP_OK;
 }
 
 /* Squared slopes become cones where they are. */
-static void conemap__tangent_rows(const conemap_map *map, float *plane, int y0, int y1) {
-    int y;
+static void conemap__tangent_rows(const conemap_map *map, int sector, float *plane, int y0, int y1) {
+    int x, y, end;
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)map->info.width;
-        const float *slopes = row;
-        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan,
-                                                   map->info.width, row);
+        const float *slopes;
+        conemap__columns(map, sector, y, &x, &end);
+        slopes = row + x;
+        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, end - x,
+                                                   row + x);
     }
 }
 
@@ -4743,7 +4770,7 @@ static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1
             if (result != CONEMAP_OK) return result;
         }
     }
-    conemap__tangent_rows(map, map->build.plane, y0, y1);
+    conemap__tangent_rows(map, 0, map->build.plane, y0, y1);
     return CONEMAP_OK;
 }
 
@@ -4775,19 +4802,20 @@ static conemap_result conemap__exact_rows(const conemap_map *map, int sector, in
     conemap__search search = conemap__make_search(map);
     float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
     conemap_result result;
-    int x, y, k, w = map->info.width;
+    int x, y, k, end, w = map->info.width;
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
-        for (x = 0; map->info.texture.sectors > 1 && x < w; ++x) row[x] = map->build.least_slope2;
+        conemap__columns(map, sector, y, &x, &end);
         if (map->info.texture.sectors <= 1)
             conemap__kernels_of(map->isa)->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b,
-                                                    map->build.least_slope2, row);
+                                                    map->build.least_slope2, x, end - x, row + x);
+        for (; map->info.texture.sectors > 1 && x < end; ++x) row[x] = map->build.least_slope2;
     }
     result = map->info.texture.sectors > 1 ? conemap__sector_rows(map, &search, sector, y0, y1, plane)
                                            : conemap__search_rows(map, &search, y0, y1, plane);
-    conemap__tangent_rows(map, plane, y0, y1);
+    conemap__tangent_rows(map, sector, plane, y0, y1);
     return result;
 }
 
@@ -4845,14 +4873,16 @@ static void conemap__sector_start(const conemap__band *band, float least) {
 static void conemap__safe_start(const conemap__band *band, float least) {
     const conemap_map *map = band->map;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    int y, k, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
+    int x, y, k, end, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     for (y = band->y0; y < band->y1; ++y) {
-        size_t row = (size_t)y * (size_t)w;
+        size_t at = (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
-        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b,
-                              band->cell_slopes + row);
-        kernels->corners_row(rows, w, wraps, band->a, band->b, least, band->plane + row);
+        conemap__columns(map, 0, y, &x, &end);
+        at += (size_t)x;
+        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b, x, end - x,
+                              band->cell_slopes + at);
+        kernels->corners_row(rows, w, wraps, band->a, band->b, least, x, end - x, band->plane + at);
     }
 }
 
@@ -4941,7 +4971,6 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
     float tangents[CONEMAP__RUN], cones[CONEMAP__RUN];
     size_t w = (size_t)map->info.width, at, first = (size_t)sector * conemap__texels(map);
     int k;
-    if (!conemap__cut_run(map, sector, &x, y, &count, CONEMAP__STORE)) return;
     at = (size_t)y * w + (size_t)x;
     if (map->build.cell_slopes) {
         conemap__safe_tangents(map, sector, x, y, count, tangents);
@@ -4955,56 +4984,60 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
         memcpy(tangents, map->build.plane + first + at, (size_t)count * sizeof(float));
     }
     kernels->store_row(&map->info, map->heights + at, tangents, count, cones);
-    for (k = 0; k < count; ++k)
-        if (conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE))
-            map->build.cones[first + at + (size_t)k] = cones[k];
+    memcpy(map->build.cones + first + at, cones, (size_t)count * sizeof(float));
 }
 
 static void conemap__store_rows(conemap_map *map, int sector, int y0, int y1) {
-    int x, y;
-    for (y = y0; y < y1; ++y)
-        for (x = 0; x < map->info.width; x += CONEMAP__RUN)
-            conemap__store_run(map, sector, x, y, conemap__mini(CONEMAP__RUN, map->info.width - x));
+    int x, y, end, run;
+    for (y = y0; y < y1; ++y) {
+        conemap__columns(map, sector, y, &x, &end);
+        for (; (run = conemap__next_run(map, sector, &x, end, y, CONEMAP__STORE)) > 0; x += run)
+            conemap__store_run(map, sector, x, y, run);
+    }
 }
 
-/* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
-static float conemap__slope_floor(const conemap_map *map, const float *cones, size_t at) {
-    const conemap_texture *texture = &map->info.texture;
-    uint32_t code = conemap__code_near(texture->format, cones[at]);
-    float next = conemap__value(texture->format, code + 2), tangent;
-    if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
-    tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
-    /* near the top a radius says nothing */
-    if (texture->encoding == CONEMAP_RADIUS && map->heights[at] > 0.999f) tangent = map->info.max_tan;
-    tangent = conemap__min(tangent, map->info.max_tan);
-    return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
-}
-
-/* A sector's survey of a block: its lowest height, and the least that its texels' squared slopes can be. */
+/* A sector's survey of a block: the least height h that its texels' cones are searched from, with the bilinear guarantee
+   those of the 3x3 around each; and the least squared slope that something above h must have to narrow one of them. A
+   cone of squared slope s searched from higher up, h', has to do with what is steeper than s (1 - h)^2 / (1 - h')^2 from
+   h, for nothing is higher than 1. */
 CONEMAP__INLINE float *conemap__surveyed(const conemap_map *map, int sector, int block_u, int block_v) {
     size_t bands_u = (size_t)conemap__bands(map->info.width), bands_v = (size_t)conemap__bands(map->info.height);
     return map->build.survey + 2 * (((size_t)sector * bands_v + (size_t)block_v) * bands_u + (size_t)block_u);
 }
 
-/* Surveys the blocks of a row of them, or of these the ones that an update has changed. */
-static void conemap__survey_band(const conemap_map *map, int sector, int band) {
-    const float *cones = map->cones + (size_t)sector * conemap__texels(map);
-    int w = map->info.width, y1 = conemap__mini((band + 1) * CONEMAP__BAND, map->info.height), block, x, y;
-    for (block = 0; block < conemap__bands(w); ++block) {
-        float *survey = conemap__surveyed(map, sector, block, band);
-        int x1 = conemap__mini((block + 1) * CONEMAP__BAND, w), wanted = 0;
-        for (y = band * CONEMAP__BAND; y < y1; ++y)
-            for (x = block * CONEMAP__BAND; x < x1; ++x)
-                wanted |= conemap__is_wanted(map, sector, x, y, CONEMAP__STORE);
-        if (!wanted) continue;
-        survey[0] = survey[1] = CONEMAP__FAR;
-        for (y = band * CONEMAP__BAND; y < y1; ++y)
-            for (x = block * CONEMAP__BAND; x < x1; ++x) {
-                size_t at = (size_t)y * (size_t)w + (size_t)x;
-                survey[0] = conemap__min(survey[0], map->heights[at]);
-                survey[1] = conemap__min(survey[1], conemap__slope_floor(map, cones, at));
-            }
+static void conemap__survey_block(const conemap_map *map, int sector, int block_u, int block_v) {
+    const conemap_info *info = &map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *cones = map->cones + (size_t)sector * conemap__texels(map), *rows[3];
+    float *survey = conemap__surveyed(map, sector, block_u, block_v);
+    float lowest[CONEMAP__BAND * CONEMAP__BAND], floors[CONEMAP__BAND * CONEMAP__BAND];
+    int x0 = block_u * CONEMAP__BAND, width = conemap__mini(CONEMAP__BAND, info->width - x0), y, k, count = 0;
+    survey[0] = survey[1] = CONEMAP__FAR;
+    for (y = block_v * CONEMAP__BAND; y < conemap__mini((block_v + 1) * CONEMAP__BAND, info->height); ++y) {
+        size_t at = (size_t)y * (size_t)info->width + (size_t)x0;
+        kernels->floor_row(info, map->heights + at, cones + at, width, floors + count);
+        for (k = 0; k < 3; ++k)
+            rows[k] = map->heights +
+                      (size_t)conemap__texel_index(y + k - 1, info->height, info->wrap_v) * (size_t)info->width;
+        if (conemap__is_bilinear(info))
+            kernels->narrowest_row(rows, info->width, info->wrap_u == CONEMAP_WRAP, x0, width, lowest + count);
+        else
+            memcpy(lowest + count, map->heights + at, (size_t)width * sizeof(float));
+        count += width;
     }
+    for (k = 0; k < count; ++k) survey[0] = conemap__min(survey[0], lowest[k]);
+    for (k = 0; k < count; ++k) {
+        float up = (1.0f - survey[0]) / conemap__max(1.0f - lowest[k], CONEMAP__TINY);
+        survey[1] = conemap__min(survey[1], floors[k] * conemap__min(up * up, 1.0e6f) * CONEMAP__MARGIN);
+    }
+}
+
+/* Surveys the blocks of a row of them, or of these the ones that passes go through. */
+static void conemap__survey_band(const conemap_map *map, int sector, int band) {
+    int x, end, block;
+    conemap__columns(map, sector, band * CONEMAP__BAND, &x, &end);
+    for (block = x / CONEMAP__BAND; block < conemap__bands(end); ++block)
+        conemap__survey_block(map, sector, block, band);
 }
 
 /* Where a pass keeps the results of its jobs: 0 is not run, else 1 + result. */
@@ -5148,27 +5181,51 @@ static int conemap__axis_distance(int first, int last, int low, int high, int si
     return d;
 }
 
-/* An edit of rectangle (x, y, width, height), in which nothing was or is higher than `highest`. */
+/* An edit. What has changed lies in rectangle (x, y, width, height), and nothing of that was or is higher than
+   `highest`. */
 typedef struct conemap__edit {
     const conemap_map *map;
-    int x, y, width, height;
+    int x, y, width, height, near_u, near_v; /* texels up to which it is searched anew around the rectangle */
     float highest, near2, deflate;
     conemap__sector sector;        /* an octant is treated as its quadrant */
-    unsigned char *wanted, *bands; /* marks for each cone; nonzero for each band of rows that has some */
+    unsigned char *wanted;         /* marks for each cone */
+    unsigned char *reached;        /* for each block, see conemap__visit_blocks */
+    int *columns;                  /* as map->build.wanted_columns; -1, or CONEMAP__DIRTY, as a last one: none */
+    conemap_map raised;            /* a map of what was raised */
 } conemap__edit;
 
+#define CONEMAP__DIRTY (-2) /* the band's marks are not cleared yet */
 
-static void conemap__mark_around(const conemap__edit *edit, int i, int j, int reach, unsigned char mark) {
+/* Marks texels x0..x1, y0..y1, which may lie beyond the map's borders. */
+static void conemap__want(const conemap__edit *edit, int x0, int x1, int y0, int y1, unsigned char mark) {
     const conemap_info *info = &edit->map->info;
     unsigned char *wanted = edit->wanted + (size_t)edit->sector.number * conemap__texels(edit->map);
-    int x, y;
-    for (y = j - reach; y <= j + reach; ++y)
-        for (x = i - reach; x <= i + reach; ++x) {
-            int row = conemap__texel_index(y, info->height, info->wrap_v);
-            edit->bands[edit->sector.number * conemap__bands(info->height) + row / CONEMAP__BAND] = 1;
-            wanted[(size_t)row * (size_t)info->width + (size_t)conemap__texel_index(x, info->width, info->wrap_u)] |=
-                mark;
+    int x, y, k, bands = conemap__bands(info->height);
+    for (y = y0; y <= y1; ++y) {
+        size_t w = (size_t)info->width, row = (size_t)conemap__texel_index(y, info->height, info->wrap_v);
+        int band = (int)row / CONEMAP__BAND, *columns = edit->columns + 2 * (edit->sector.number * bands + band);
+        for (k = 0; k < 2; ++k) { /* passes look at the row below a band, too */
+            int at = (band + k) % bands, *its = edit->columns + 2 * (edit->sector.number * bands + at);
+            int rows = conemap__mini(CONEMAP__BAND, info->height - at * CONEMAP__BAND);
+            if (its[1] != CONEMAP__DIRTY) continue;
+            memset(wanted + (size_t)at * CONEMAP__BAND * w, 0, (size_t)rows * w);
+            its[1] = -1;
         }
+        for (x = x0; x <= x1; ++x) {
+            int column = conemap__texel_index(x, info->width, info->wrap_u);
+            wanted[row * w + (size_t)column] |= mark;
+            columns[0] = columns[1] < 0 ? column : conemap__mini(columns[0], column);
+            columns[1] = conemap__maxi(columns[1], column);
+        }
+    }
+}
+
+/* With the bilinear guarantee a search serves its 3x3 texels: wants what texels x0..x1, y0..y1 serve, and whatever
+   serves those. */
+static void conemap__want_served(const conemap__edit *edit, int x0, int x1, int y0, int y1) {
+    int reach = conemap__is_bilinear(&edit->map->info);
+    conemap__want(edit, x0 - reach, x1 + reach, y0 - reach, y1 + reach, CONEMAP__STORE);
+    conemap__want(edit, x0 - 2 * reach, x1 + 2 * reach, y0 - 2 * reach, y1 + 2 * reach, CONEMAP__SEARCH);
 }
 
 /* Square of the distance from texels i0..i1, j0..j1 to the rectangle; with the bilinear guarantee, to its cells. Very
@@ -5193,61 +5250,197 @@ CONEMAP__INLINE int conemap__edit_matters(const conemap__edit *edit, float d2, f
     return d2 < CONEMAP__FAR && rise > 0.0f && !(rise * rise < least * (d2 - edit->deflate));
 }
 
-/* The least slope_floor of the 3x3 texels around (i, j), or of the texel alone. */
-static float conemap__least_floor(const conemap_map *map, const float *cones, int i, int j, int reach) {
-    float least = CONEMAP__FAR;
-    int a, b;
-    for (b = -reach; b <= reach; ++b)
-        for (a = -reach; a <= reach; ++a) {
-            size_t row = (size_t)conemap__texel_index(j + b, map->info.height, map->info.wrap_v) *
-                (size_t)map->info.width;
-            least = conemap__min(least, conemap__slope_floor(
-                                            map, cones, row + (size_t)conemap__texel_index(i + a, map->info.width,
-                                                map->info.wrap_u)));
+/* The least slope floors of the 3x3 texels around each of a block's, or of the texels themselves. */
+static void conemap__block_floors(const conemap__edit *edit, int x0, int y0, float *out) {
+    enum { SIDE = CONEMAP__BAND, ROOM = SIDE + 2 };
+    const conemap_map *map = edit->map;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *all = map->cones + (size_t)edit->sector.number * conemap__texels(map), *three[3];
+    const conemap_info *info = &map->info;
+    float heights[ROOM * ROOM], cones[ROOM * ROOM], floors[ROOM * ROOM];
+    int i, j, column[ROOM];
+    for (i = 0; i < ROOM; ++i) column[i] = conemap__texel_index(x0 + i - 1, info->width, info->wrap_u);
+    for (j = 0; j < ROOM; ++j) {
+        size_t row = (size_t)conemap__texel_index(y0 + j - 1, info->height, info->wrap_v) * (size_t)info->width;
+        for (i = 0; i < ROOM; ++i) {
+            heights[j * ROOM + i] = map->heights[row + (size_t)column[i]];
+            cones[j * ROOM + i] = all[row + (size_t)column[i]];
         }
-    return least;
+    }
+    kernels->floor_row(info, heights, cones, ROOM * ROOM, floors);
+    for (j = 0; j < SIDE; ++j) {
+        for (i = 0; i < 3; ++i) three[i] = floors + (j + i) * ROOM;
+        if (!conemap__is_bilinear(info))
+            memcpy(out + j * SIDE, three[1] + 1, SIDE * sizeof(float));
+        else
+            kernels->narrowest_row(three, ROOM, 0, 1, SIDE, out + j * SIDE);
+    }
 }
 
-/* Can the edit reach a texel of this block? Where nothing was surveyed, perhaps. */
+/* Can the edit reach a cone of this block? Where nothing was surveyed, perhaps. */
 static int conemap__block_reached(const conemap__edit *edit, int block_u, int block_v) {
     const conemap_map *map = edit->map;
-    int bands_u = conemap__bands(map->info.width), bands_v = conemap__bands(map->info.height), a, b;
-    int i0 = block_u * CONEMAP__BAND, j0 = block_v * CONEMAP__BAND;
-    float least = CONEMAP__FAR, d2;
+    int i = block_u * CONEMAP__BAND, j = block_v * CONEMAP__BAND, reach = conemap__is_bilinear(&map->info);
+    const float *survey;
     if (!map->build.survey) return 1;
-    d2 = conemap__edit_distance2(edit, i0, conemap__mini(i0 + CONEMAP__BAND, map->info.width) - 1, j0,
-                                 conemap__mini(j0 + CONEMAP__BAND, map->info.height) - 1);
-    if (d2 <= edit->near2) return 1;
-    for (b = -1; b <= 1; ++b)
-        for (a = -1; a <= 1; ++a)
-            least = conemap__min(least, conemap__surveyed(map, edit->sector.number,
-                                                          conemap__texel_index(block_u + a, bands_u, map->info.wrap_u),
-                                                          conemap__texel_index(block_v + b, bands_v,
-                                                                               map->info.wrap_v))[1]);
-    return conemap__edit_matters(edit, d2, conemap__surveyed(map, edit->sector.number, block_u, block_v)[0], least);
+    survey = conemap__surveyed(map, edit->sector.number, block_u, block_v);
+    return conemap__edit_matters(
+        edit,
+        conemap__edit_distance2(edit, i - reach, conemap__mini(i + CONEMAP__BAND, map->info.width) - 1 + reach,
+                                j - reach, conemap__mini(j + CONEMAP__BAND, map->info.height) - 1 + reach),
+        survey[0], survey[1]);
 }
 
-/* Marks what the edit can change, STORE, and whose searches can show it, SEARCH: with the bilinear guarantee a search
-   serves its 3x3 texels, and what is nearest to the edit is looked at whatever its slope. */
-static void conemap__mark(const conemap__edit *edit) {
-    const conemap_map *map = edit->map;
-    const float *cones = map->cones + (size_t)edit->sector.number * conemap__texels(map);
-    int w = map->info.width, h = map->info.height, reach = conemap__is_bilinear(&map->info), block_u, block_v, i, j;
-    for (block_v = 0; block_v < conemap__bands(h); ++block_v)
-        for (block_u = 0; block_u < conemap__bands(w); ++block_u) {
-            if (!conemap__block_reached(edit, block_u, block_v)) continue;
-            for (j = block_v * CONEMAP__BAND; j < conemap__mini((block_v + 1) * CONEMAP__BAND, h); ++j)
-                for (i = block_u * CONEMAP__BAND; i < conemap__mini((block_u + 1) * CONEMAP__BAND, w); ++i) {
-                    float height = map->heights[(size_t)j * (size_t)w + (size_t)i];
-                    float d2 = conemap__edit_distance2(edit, i, i, j, j);
-                    if (d2 > edit->near2 &&
-                        (height >= edit->highest ||
-                         !conemap__edit_matters(edit, d2, height, conemap__least_floor(map, cones, i, j, reach))))
-                        continue;
-                    conemap__mark_around(edit, i, j, reach, CONEMAP__STORE);
-                    conemap__mark_around(edit, i, j, 2 * reach, CONEMAP__SEARCH);
-                }
+/* Goes through the blocks of which a search can serve a cone that the edit reaches. */
+static void conemap__visit_blocks(const conemap__edit *edit,
+                                  void (*visit)(const conemap__edit *edit, int block_u, int block_v)) {
+    const conemap_info *info = &edit->map->info;
+    int bands_u = conemap__bands(info->width), bands_v = conemap__bands(info->height), u, v, a, b;
+    int reach = conemap__is_bilinear(info);
+    if (edit->highest < 0.0f) return;
+    memset(edit->reached, 0, (size_t)bands_u * (size_t)bands_v);
+    for (v = 0; v < bands_v; ++v)
+        for (u = 0; u < bands_u; ++u) {
+            if (!conemap__block_reached(edit, u, v)) continue;
+            for (b = v - reach; b <= v + reach; ++b)
+                for (a = u - reach; a <= u + reach; ++a)
+                    edit->reached[(size_t)conemap__texel_index(b, bands_v, info->wrap_v) * (size_t)bands_u +
+                                  (size_t)conemap__texel_index(a, bands_u, info->wrap_u)] = 1;
         }
+    for (v = 0; v < bands_v; ++v)
+        for (u = 0; u < bands_u; ++u)
+            if (edit->reached[(size_t)v * (size_t)bands_u + (size_t)u]) visit(edit, u, v);
+}
+
+/* Is one of texels i0..i1, j0..j1 searched anew whatever was edited? */
+static int conemap__is_close(const conemap__edit *edit, int i0, int i1, int j0, int j1) {
+    const conemap_info *info = &edit->map->info;
+    return conemap__axis_distance(i0, i1, edit->x, edit->x + edit->width - 1, info->width, info->wrap_u, 0) <=
+               edit->near_u &&
+           conemap__axis_distance(j0, j1, edit->y, edit->y + edit->height - 1, info->height, info->wrap_v, 0) <=
+               edit->near_v;
+}
+
+/* Marks what the edit can change, and whose searches can show it: in this block, and not close. */
+static void conemap__mark_block(const conemap__edit *edit, int block_u, int block_v) {
+    const conemap_map *map = edit->map;
+    float floors[CONEMAP__BAND * CONEMAP__BAND];
+    int w = map->info.width, i0 = block_u * CONEMAP__BAND, j0 = block_v * CONEMAP__BAND, i, j;
+    conemap__block_floors(edit, i0, j0, floors);
+    for (j = 0; j < conemap__mini(CONEMAP__BAND, map->info.height - j0); ++j)
+        for (i = 0; i < conemap__mini(CONEMAP__BAND, w - i0); ++i) {
+            float height = map->heights[(size_t)(j0 + j) * (size_t)w + (size_t)(i0 + i)];
+            if (height < edit->highest &&
+                conemap__edit_matters(edit, conemap__edit_distance2(edit, i0 + i, i0 + i, j0 + j, j0 + j), height,
+                                      floors[j * CONEMAP__BAND + i]) &&
+                !conemap__is_close(edit, i0 + i, i0 + i, j0 + j, j0 + j))
+                conemap__want_served(edit, i0 + i, i0 + i, j0 + j, j0 + j);
+        }
+}
+
+/* Does the search at vertex u serve the cone at v? On one axis. */
+CONEMAP__INLINE int conemap__serves(int u, int v, int size, conemap_wrap wrap, int per_cell) {
+    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap, 1) : v);
+    return behind <= 1 && behind >= (per_cell ? 0 : -1);
+}
+
+/* Narrows the cones that texels x0.., y0.. of a tile serve, whose searches have found these slopes, 0 for nothing. */
+static void conemap__narrow(const conemap__edit *edit, int x0, int y0, const float *slopes2) {
+    enum { SIDE = CONEMAP__TILE, ROOM = SIDE + 2 };
+    const conemap_map *map = edit->map;
+    const conemap_info *info = &map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    int reach = conemap__is_bilinear(info), cells = info->texture.per_cell != 0, i, j, a, b;
+    float margin = reach ? 1.0f - conemap__safe_margin(map) : CONEMAP__TANGENT_MARGIN;
+    for (j = -reach; j < SIDE + reach; ++j) {
+        float steepest[ROOM], heights[ROOM], tangents[ROOM], cones[ROOM], any = 0.0f;
+        const float *rows = steepest;
+        size_t row = (size_t)conemap__texel_index(y0 + j, info->height, info->wrap_v) * (size_t)info->width;
+        if (info->wrap_v != CONEMAP_WRAP && (y0 + j < 0 || y0 + j >= info->height)) continue;
+        for (i = 0; i < ROOM; ++i) {
+            steepest[i] = 0.0f;
+            for (b = conemap__maxi(j - reach, 0); b <= conemap__mini(j + reach, SIDE - 1); ++b) {
+                if (reach && !conemap__serves(y0 + b, y0 + j, info->height, info->wrap_v, cells)) continue;
+                for (a = conemap__maxi(i - 1 - reach, 0); a <= conemap__mini(i - 1 + reach, SIDE - 1); ++a)
+                    if (!reach || conemap__serves(x0 + a, x0 + i - 1, info->width, info->wrap_u, cells))
+                        steepest[i] = conemap__max(steepest[i], slopes2[b * SIDE + a]);
+            }
+            any = conemap__max(any, steepest[i]);
+            heights[i] = map->heights[row + (size_t)conemap__texel_index(x0 + i - 1, info->width, info->wrap_u)];
+        }
+        if (!(any > 0.0f)) continue;
+        kernels->tangent_row(&rows, 1, margin, info->max_tan, ROOM, tangents);
+        kernels->store_row(info, heights, tangents, ROOM, cones);
+        for (i = 1 - reach; i < SIDE + 1 + reach; ++i) {
+            float *at = &map->build.cones[row + (size_t)conemap__texel_index(x0 + i - 1, info->width, info->wrap_u)];
+            if (info->wrap_u != CONEMAP_WRAP && (x0 + i - 1 < 0 || x0 + i - 1 >= info->width)) continue;
+            *at = conemap__min(*at, cones[i]);
+        }
+    }
+}
+
+/* Searches what was raised from a tile that is not close to it, given the least slopes that can matter. */
+static int conemap__narrow_tile(const conemap__edit *edit, conemap__search *search, int x0, int y0, const float *floors,
+                                int pitch) {
+    const conemap_map *map = edit->map;
+    const conemap_info *info = &map->info;
+    conemap__tile tile;
+    int k, a, b, any = 0, images_u = info->wrap_u == CONEMAP_WRAP, images_v = info->wrap_v == CONEMAP_WRAP;
+    int width = conemap__mini(CONEMAP__TILE, info->width - x0), height = conemap__mini(CONEMAP__TILE, info->height - y0);
+    memset(tile.folded, 0, sizeof tile.folded);
+    memset(tile.decider, 0, sizeof tile.decider);
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) tile.height[k] = 2.0f;
+    for (k = 0; k < CONEMAP__TILE; ++k)
+        memcpy(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
+    for (k = 0; k < height; ++k)
+        memcpy(tile.height + k * CONEMAP__TILE, map->heights + (size_t)(y0 + k) * (size_t)info->width + (size_t)x0,
+               (size_t)width * sizeof(float));
+    if (conemap__is_close(edit, x0, x0 + CONEMAP__TILE - 1, y0, y0 + CONEMAP__TILE - 1))
+        for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
+            int i = x0 + k % CONEMAP__TILE, j = y0 + k / CONEMAP__TILE;
+            if (conemap__is_close(edit, i, i, j, j)) tile.height[k] = 2.0f;
+        }
+    tile.noted = 1;
+    for (b = -images_v; b <= images_v; ++b)
+        for (a = -images_u; a <= images_u; ++a) {
+            tile.x = x0 - edit->x - a * info->width;
+            tile.y = y0 - edit->y - b * info->height;
+            conemap__kernels_of(map->isa)->search_tile(&edit->raised, search, &tile);
+        }
+    for (k = 0; k < CONEMAP__TILE; ++k)
+        any |= memcmp(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
+    for (k = 0; any && k < CONEMAP__TILE * CONEMAP__TILE; ++k)
+        if (!(tile.slope2[k] > floors[k / CONEMAP__TILE * pitch + k % CONEMAP__TILE])) tile.slope2[k] = 0.0f;
+    if (any) conemap__narrow(edit, x0, y0, tile.slope2);
+    return any != 0;
+}
+
+static void conemap__narrow_block(const conemap__edit *edit, int block_u, int block_v) {
+    float floors[CONEMAP__BAND * CONEMAP__BAND];
+    conemap__search search = conemap__make_search(edit->map);
+    int x0 = block_u * CONEMAP__BAND, y0 = block_v * CONEMAP__BAND, x, y, narrowed = 0;
+    search.deflate = edit->deflate;
+    search.near2 = edit->near2 * (1.0f - 1.0f / 4096.0f);
+    search.is_away = 1;
+    conemap__block_floors(edit, x0, y0, floors);
+    for (y = 0; y < conemap__mini(CONEMAP__BAND, edit->map->info.height - y0); y += CONEMAP__TILE)
+        for (x = 0; x < conemap__mini(CONEMAP__BAND, edit->map->info.width - x0); x += CONEMAP__TILE)
+            narrowed |= conemap__narrow_tile(edit, &search, x0 + x, y0 + y, floors + y * CONEMAP__BAND + x,
+                                             CONEMAP__BAND);
+    if (narrowed && edit->map->build.survey) conemap__survey_block(edit->map, 0, block_u, block_v);
+}
+
+/* What the edit reaches. What is close is searched anew. Farther away, what was lowered may have decided a cone, so that
+   is searched anew, too; what was raised can only narrow it, by as much as a search of nothing else tells. In sectors
+   all of it is searched anew. */
+static void conemap__reach_out(conemap__edit *edit, float lowered, float raised) {
+    int sectors = edit->sector.su != 0;
+    conemap__want_served(edit, edit->x - edit->near_u, edit->x + edit->width - 1 + edit->near_u, edit->y - edit->near_v,
+                         edit->y + edit->height - 1 + edit->near_v);
+    edit->highest = sectors ? conemap__max(lowered, raised) : lowered;
+    conemap__visit_blocks(edit, conemap__mark_block);
+    edit->highest = sectors ? -1.0f : raised;
+    conemap__visit_blocks(edit, conemap__narrow_block);
 }
 
 /* The maxima over cells that have a corner in the edit: on a wrapping axis the last cells are corners of the first
@@ -5267,25 +5460,138 @@ static void conemap__update_cells(conemap_map *map, const conemap__edit *edit) {
         }
 }
 
-static float conemap__rectangle_max(const conemap_map *map, int x, int y, int width, int height, float highest) {
-    int i, j;
-    for (j = y; j < y + height; ++j)
-        for (i = x; i < x + width; ++i) highest = conemap__max(highest, conemap__height(map, i, j));
+static float conemap__highest_of(const conemap_map *map) {
+    size_t k;
+    float highest = 0.0f;
+    for (k = 0; k < conemap__texels(map); ++k) highest = conemap__max(highest, map->heights[k]);
     return highest;
 }
 
-/* Puts the edit's new heights into the map; returns by how much the hash changes. */
-static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *edit, const unsigned char *heights) {
+/* Cuts the edit down to what has changed, given the rectangle's new heights; 0 if nothing has. */
+static int conemap__trim(conemap__edit *edit, const float *heights) {
+    int i, j, x0 = edit->width, x1 = -1, y0 = edit->height, y1 = -1;
+    for (j = 0; j < edit->height; ++j)
+        for (i = 0; i < edit->width; ++i) {
+            float was = conemap__height(edit->map, edit->x + i, edit->y + j);
+            if (!(heights[j * edit->width + i] < was) && !(heights[j * edit->width + i] > was)) continue;
+            x0 = conemap__mini(x0, i);
+            x1 = conemap__maxi(x1, i);
+            y0 = conemap__mini(y0, j);
+            y1 = j;
+        }
+    edit->x += x0;
+    edit->y += y0;
+    edit->width = x1 - x0 + 1;
+    edit->height = y1 - y0 + 1;
+    return x1 >= 0;
+}
+
+/* Puts the edit's new heights into the map, from rows of `pitch`; what was raised goes to a map of its own. Returns by
+   how much the hash changes; *raised and *lowered are the greatest of the new heights that are higher, and of the old
+   ones that were, or -1. */
+static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *edit, const float *heights, int pitch,
+                                         float *raised, float *lowered) {
     uint64_t change = 0;
     int i, j;
-    for (j = edit->y; j < edit->y + edit->height; ++j)
-        for (i = edit->x; i < edit->x + edit->width; ++i, heights += sizeof(float)) {
-            size_t at = (size_t)j * (size_t)map->info.width + (size_t)i;
-            change -= conemap__height_hash(map->heights[at], at);
-            memcpy(&map->build.heights[at], heights, sizeof(float));
-            change += conemap__height_hash(map->heights[at], at);
+    *raised = *lowered = -1.0f;
+    for (j = 0; j < edit->height; ++j)
+        for (i = 0; i < edit->width; ++i) {
+            size_t at = (size_t)(edit->y + j) * (size_t)map->info.width + (size_t)(edit->x + i);
+            float was = map->heights[at], is = heights[(size_t)j * (size_t)pitch + (size_t)i];
+            edit->raised.build.heights[(size_t)j * (size_t)edit->width + (size_t)i] = is > was ? is : -1.0f;
+            if (is > was) *raised = conemap__max(*raised, is);
+            if (is < was) *lowered = conemap__max(*lowered, was);
+            change -= conemap__height_hash(was, at);
+            map->build.heights[at] = is;
+            change += conemap__height_hash(is, at);
         }
     return change;
+}
+
+/* How far around an edit all is searched anew: where conemap__find_sights looks from. */
+CONEMAP__INLINE int conemap__near_texels(float near2, float texel) {
+    return near2 > 0.0f && texel > 0.0f ? (int)(sqrtf(near2) / texel) + 1 : 0;
+}
+
+/* Memory for an edit beside what a build takes: the rectangle's new heights, a map of its size, marks and columns. */
+static conemap_result conemap__take_edit(conemap__edit *edit, const conemap_allocator *allocator, void **buffer,
+                                         float **heights) {
+    const conemap_map *map = edit->map;
+    size_t texels = (size_t)edit->width * (size_t)edit->height, size = 0;
+    size_t marks = conemap__texels(map) * (size_t)conemap__planes(&map->info);
+    size_t bands = (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES];
+    size_t blocks = (size_t)conemap__bands(map->info.width) * (size_t)conemap__bands(map->info.height);
+    unsigned char *cursor;
+    conemap_result result;
+    int k;
+    if (!conemap__add_size(&size, texels, sizeof(float)) || !conemap__add_size(&size, texels, sizeof(float)) ||
+        !conemap__maxima_plan(&edit->raised.build.texels, edit->width, edit->height, &size) ||
+        !conemap__add_size(&size, marks, 1) || !conemap__add_size(&size, blocks, 1) || !conemap__add_size(&size, bands, 2 * sizeof(int)))
+        return CONEMAP_ERROR_OVERFLOW;
+    result = conemap__take(allocator, NULL, 0, size, buffer, &k);
+    if (result != CONEMAP_OK) return result;
+    cursor = (unsigned char *)*buffer;
+    *heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    edit->wanted = (unsigned char *)conemap__cut(&cursor, marks, 1);
+    edit->reached = (unsigned char *)conemap__cut(&cursor, blocks, 1);
+    edit->columns = (int *)conemap__cut(&cursor, bands, 2 * sizeof(int));
+    edit->raised.build.memory = cursor;
+    for (k = 0; k < (int)bands; ++k) edit->columns[2 * k + 1] = CONEMAP__DIRTY;
+    return CONEMAP_OK;
+}
+
+/* Lays out the map of what was raised, which holds nothing yet. */
+static void conemap__lay_out_raised(conemap__edit *edit) {
+    conemap_map *raised = &edit->raised;
+    unsigned char *cursor = (unsigned char *)raised->build.memory;
+    size_t unused = 0;
+    raised->info.width = edit->width;
+    raised->info.height = edit->height;
+    raised->isa = edit->map->isa;
+    (void)conemap__maxima_plan(&raised->build.texels, edit->width, edit->height, &unused);
+    raised->heights = raised->build.heights =
+        (float *)conemap__cut(&cursor, conemap__texels(raised), sizeof(float));
+    conemap__cut_maxima(raised, &cursor);
+}
+
+/* Puts the edit's heights into the map, finds out what they reach, and runs the passes for that; `partly`: for more than
+   a new build. */
+static void conemap__apply(conemap_map *map, conemap_map *work, conemap__edit *edit, const float *heights, int pitch,
+                           int partly) {
+    float raised, lowered, highest;
+    int pass, job, k;
+    conemap__lay_out_raised(edit);
+    map->info.height_hash += conemap__replace_heights(work, edit, heights, pitch, &raised, &lowered);
+    highest = conemap__max(raised, lowered);
+    if (partly) {
+        conemap__maxima_region(&edit->raised, 0, edit->width - 1, 0, edit->height - 1);
+        work->build.wanted = edit->wanted;
+        work->build.wanted_columns = edit->columns;
+    }
+    if (conemap__is_bilinear(&work->info)) {
+        float a = work->build.search_u, b = work->build.search_v;
+        edit->deflate = 0.25f * (a * a + b * b);
+        edit->near2 = edit->deflate / CONEMAP__TOLERANCE;
+        edit->near_u = conemap__near_texels(edit->near2, a);
+        edit->near_v = conemap__near_texels(edit->near2, b);
+    }
+    for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
+        edit->sector = conemap__make_sector(&map->info, k);
+        conemap__reach_out(edit, lowered, raised);
+    }
+    if (work->build.keeps_search)
+        conemap__maxima_region(work, edit->x, edit->x + edit->width - 1, edit->y, edit->y + edit->height - 1);
+    else
+        for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
+            for (job = 0; job < work->build.pass_jobs[pass]; ++job) (void)conemap_run_job(work, pass, job);
+    for (pass = CONEMAP__PASS_CONES; pass <= CONEMAP__PASS_STORE; ++pass)
+        for (job = 0; job < work->build.pass_jobs[pass]; ++job)
+            if (!partly || edit->columns[2 * job + 1] >= 0) (void)conemap_run_job(work, pass, job);
+    if (map->cells.levels > 0) conemap__update_cells(map, edit);
+    if (highest >= map->highest && work->build.keeps_search)
+        map->highest = conemap__maxima(&work->build.texels, work->build.texels.levels - 1, 0)[0];
+    else if (highest >= map->highest)
+        map->highest = conemap__highest_of(map);
 }
 
 CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
@@ -5295,11 +5601,10 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     conemap_result result;
     conemap_heights rectangle;
     conemap__edit edit;
-    size_t memory_size, scratch_size, marks, size;
-    void *buffer = NULL; /* marks, and the rectangle's new heights until all of them are known to be good */
-    unsigned char *heights = NULL;
-    float was_highest;
-    int pass, job, partly, k;
+    size_t memory_size, scratch_size;
+    void *buffer = NULL;
+    float *heights = NULL; /* the rectangle's, until all of them are known to be good */
+    int k;
     if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
     settings = *desc;
     result = conemap__resolve(&settings);
@@ -5318,65 +5623,29 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     if (x < 0 || y < 0 || width < 1 || height < 1 || x >= map->info.width || y >= map->info.height ||
         width > map->info.width - x || height > map->info.height - y)
         return CONEMAP_ERROR_SIZE;
-    marks = conemap__texels(map) * (size_t)conemap__planes(&map->info);
-    size = marks + (size_t)work.build.pass_jobs[CONEMAP__PASS_CONES]; /* with a byte for each band */
+    memset(&edit, 0, sizeof edit);
+    edit.map = &work;
+    edit.x = x;
+    edit.y = y;
+    edit.width = width;
+    edit.height = height;
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
-    if (result == CONEMAP_OK)
-        result = conemap__take(&settings.allocator, NULL, 0, size + (size_t)width * (size_t)height * sizeof(float),
-                               &buffer, &k);
-    memset(&edit, 0, sizeof edit);
+    if (result == CONEMAP_OK) result = conemap__take_edit(&edit, &settings.allocator, &buffer, &heights);
     if (result == CONEMAP_OK) {
-        edit.map = &work;
-        edit.x = x;
-        edit.y = y;
-        edit.width = width;
-        edit.height = height;
-        edit.wanted = (unsigned char *)buffer;
-        edit.bands = edit.wanted + marks;
-        heights = edit.wanted + size;
         rectangle = settings.heights;
         rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
                            (ptrdiff_t)x * rectangle.pixel_stride;
         rectangle.width = width;
-        for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not
-                                                                  aligned */
-            if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k, work.build.plane))
+        for (k = 0; k < height && result == CONEMAP_OK; ++k)
+            if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k,
+                                                           heights + (size_t)k * (size_t)width))
                 result = CONEMAP_ERROR_HEIGHT;
-            memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane,
-                   (size_t)width * sizeof(float));
-        }
     }
-    if (result == CONEMAP_OK) {
-        /* Everything is known and at hand: from here on nothing can fail. */
-        was_highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
-        map->info.height_hash += conemap__replace_heights(&work, &edit, heights);
-        edit.highest = conemap__rectangle_max(map, x, y, width, height, was_highest);
-        partly = conemap__updates_partly(&settings, &work.info);
-        memset(edit.wanted, partly ? 0 : CONEMAP__SEARCH | CONEMAP__STORE, size);
-        if (conemap__is_bilinear(&work.info)) {
-            edit.deflate = 0.25f * (work.build.search_u * work.build.search_u + work.build.search_v *
-                                    work.build.search_v);
-            edit.near2 = edit.deflate / CONEMAP__TOLERANCE;
-        }
-        for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
-            edit.sector = conemap__make_sector(&map->info, k);
-            conemap__mark(&edit);
-        }
-        work.build.wanted = edit.wanted;
-        if (work.build.keeps_search)
-            conemap__maxima_region(&work, y, y + height - 1);
-        else
-            for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
-                for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
-        for (pass = CONEMAP__PASS_CONES; pass <= CONEMAP__PASS_STORE; ++pass)
-            for (job = 0; job < work.build.pass_jobs[pass]; ++job)
-                if (edit.bands[job]) (void)conemap_run_job(&work, pass, job);
-        if (map->cells.levels > 0) conemap__update_cells(map, &edit);
-        if (edit.highest >= map->highest && work.build.keeps_search)
-            map->highest = conemap__maxima(&work.build.texels, work.build.texels.levels - 1, 0)[0];
-        else if (edit.highest >= map->highest)
-            map->highest = conemap__rectangle_max(map, 0, 0, map->info.width, map->info.height, 0.0f);
+    /* From here on nothing can fail. */
+    if (result == CONEMAP_OK && conemap__trim(&edit, heights)) {
+        heights += (size_t)(edit.y - y) * (size_t)width + (size_t)(edit.x - x);
+        conemap__apply(map, &work, &edit, heights, width, conemap__updates_partly(&settings, &work.info));
     }
     if (buffer) conemap__release(&settings.allocator, buffer, 1);
     conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
@@ -5718,7 +5987,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     if (map->cells.levels > 0)
         conemap__pyramid_region(map, &map->cells, 0, map->cells.width[0] - 1, 0, map->cells.height[0] - 1);
     if (map->build.keeps_search) {
-        conemap__maxima_region(map, 0, info.height - 1);
+        conemap__maxima_region(map, 0, info.width - 1, 0, info.height - 1);
         for (job = 0; job < conemap__planes(&info) * conemap__bands(info.height); ++job)
             conemap__survey_band(map, job / conemap__bands(info.height), job % conemap__bands(info.height));
     } else {
@@ -15147,6 +15416,29 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, cons
     }
 }
 
+CONEMAP__FUNCTION void CONEMAP__KERNEL(floor_row)(const conemap_info *info, const float *heights, const float *cones,
+                                                  int count, float *out) {
+    conemap_format format = info->texture.format;
+    CONEMAP__F max_tan = CONEMAP__F1(info->max_tan), one = CONEMAP__F1(1.0f), zero = CONEMAP__F1(0.0f);
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F height = CONEMAP__KERNEL(load)(heights + x, count - x), next, tangent;
+        CONEMAP__M known;
+        next = CONEMAP__KERNEL(load)(cones + x, count - x);
+        next = CONEMAP__KERNEL(value)(format, CONEMAP__IADD(CONEMAP__KERNEL(code_near)(format, next), CONEMAP__I1(2)));
+        tangent = CONEMAP__KERNEL(decode_tan)(info, height, next);
+        known = CONEMAP__LE(next, format == CONEMAP_F32 || format == CONEMAP_F16 ? CONEMAP__F1(CONEMAP__FAR) : one);
+        if (info->texture.encoding == CONEMAP_RADIUS) /* near the top a radius says nothing */
+            known = CONEMAP__AND(known, CONEMAP__LE(height, CONEMAP__F1(0.999f)));
+        tangent = CONEMAP__MIN(CONEMAP__PICK(known, tangent, max_tan), max_tan);
+        tangent = CONEMAP__PICK(CONEMAP__LT(zero, tangent),
+                                CONEMAP__MUL(CONEMAP__DIV(one, CONEMAP__MUL(tangent, tangent)),
+                                             CONEMAP__F1(1.0f - 1.0f / 8192.0f)),
+                                zero);
+        CONEMAP__KERNEL(store)(out + x, tangent, count - x);
+    }
+}
+
 /* ---- maxima and slopes ------------------------------------------------------------------------------------------- */
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(maxima_row)(const float *above, const float *below, int width, float *out) {
@@ -15186,21 +15478,22 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(beside)(const float *row, int x, int 
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(ring_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                 float least, float *out) {
+                                                 float least, int first, int count, float *out) {
     float d2[3];
     int x, k, c;
     d2[0] = a * a;
     d2[1] = b * b;
     d2[2] = a * a + b * b;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least);
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least);
         for (k = 0; k < 3; ++k)
             for (c = -1; rows[k] && c <= 1; ++c)
                 if (k != 1 || c != 0)
                     best = CONEMAP__MAX(best, CONEMAP__KERNEL(slope2)(
-                                                  CONEMAP__KERNEL(beside)(rows[k], x + c, width, wraps, 0, -1.0f), apex,
-                                                  d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
-        CONEMAP__KERNEL(store)(out + x, best, width - x);
+                                                  CONEMAP__KERNEL(beside)(rows[k], first + x + c, width, wraps, 0,
+                                                                          -1.0f),
+                                                  apex, d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
 
@@ -15215,18 +15508,19 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(over)(CONEMAP__F rise, float length) 
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps,
-                                                     float a, float b, float *out) {
+                                                     float a, float b, int first, int count, float *out) {
     int x;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + x, width - x), h01 = CONEMAP__KERNEL(load)(below + x, width - x);
-        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, x + 1, width, wraps, 1, 0.0f);
-        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, x + 1, width, wraps, 1, 0.0f);
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + first + x, count - x);
+        CONEMAP__F h01 = CONEMAP__KERNEL(load)(below + first + x, count - x);
+        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, first + x + 1, width, wraps, 1, 0.0f);
+        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, first + x + 1, width, wraps, 1, 0.0f);
         CONEMAP__F along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h10, h00), CONEMAP__SUB(h11, h01));
         CONEMAP__F across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h01, h00), CONEMAP__SUB(h11, h10));
         along = CONEMAP__KERNEL(over)(along, a);
         across = CONEMAP__KERNEL(over)(across, b);
         CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)),
-                               width - x);
+                               count - x);
     }
 }
 
@@ -15247,13 +15541,14 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F la
 
 /* Step 3: a texel looks over its own cells. What is missing stands low, so it adds nothing. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                    float least, float *out) {
+                                                    float least, int first, int count, float *out) {
     int x, c, r;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least), along[2],
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least), along[2],
             slope_x[2];
         for (c = 0; c < 2; ++c) {
-            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], first + x + 2 * c - 1, width, wraps, 0, -1.0f),
+                                    apex);
             slope_x[c] = CONEMAP__KERNEL(over)(CONEMAP__MAX(along[c], CONEMAP__F1(0.0f)), a);
             slope_x[c] = CONEMAP__MUL(slope_x[c], slope_x[c]);
             best = CONEMAP__MAX(best, slope_x[c]);
@@ -15261,18 +15556,18 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, in
         for (r = 0; r < 3; r += 2) {
             CONEMAP__F across, slope_y;
             if (!rows[r]) continue;
-            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + x, width - x), apex);
+            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + first + x, count - x), apex);
             slope_y = CONEMAP__KERNEL(over)(CONEMAP__MAX(across, CONEMAP__F1(0.0f)), b);
             slope_y = CONEMAP__MUL(slope_y, slope_y);
             for (c = 0; c < 2; ++c) {
-                CONEMAP__F opposite =
-                    CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[r], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+                CONEMAP__F opposite = CONEMAP__SUB(
+                    CONEMAP__KERNEL(beside)(rows[r], first + x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
                 best = CONEMAP__MAX(best, CONEMAP__ADD(slope_x[c], slope_y));
                 best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(along[c], opposite, b, a));
                 best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(across, opposite, a, b));
             }
         }
-        CONEMAP__KERNEL(store)(out + x, best, width - x);
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
 
@@ -15717,6 +16012,11 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
         float height = conemap__height(map, conemap__texel_index(x, info->width, info->wrap_u),
                                        conemap__texel_index(y, info->height, info->wrap_v));
         CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1, plain);
+    }
+    if (search->is_away) {
+        k = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack, plain);
+        CONEMAP__KERNEL(work_off)(map, search, tile, stack, k, plain);
+        return;
     }
     if (levels == 1) return; /* a single texel and its images */
     k = conemap__mini(3, levels - 1);
