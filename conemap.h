@@ -2199,6 +2199,8 @@ typedef struct conemap__sights {
     int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS], columns[CONEMAP__SIGHTS], rows[CONEMAP__SIGHTS];
     int first[CONEMAP__SIGHTS]; /* in `inverse` */
     int step_x, step_y;      /* from a corner to the next; 0 along an axis of one texel */
+    int reach;               /* columns to either side that are looked at */
+    int follows[CONEMAP__SIGHTS]; /* the cell lies to the right of the last one */
     float most[CONEMAP__SIGHTS]; /* the largest number of each, and a little more */
     int by_border[CONEMAP__SIGHTS]; /* eight sectors: beyond the diagonal, so only there where a quadrant counts */
     float fraction[CONEMAP__FINEST + 1], inverse[2048];
@@ -3650,6 +3652,10 @@ static void conemap__find_sights(const conemap__band *band, float near2, int sig
             }
             sights->x[sights->count] = x;
             sights->y[sights->count] = y;
+            sights->follows[sights->count] = sights->count > 0 && sights->step_x &&
+                                             sights->x[sights->count - 1] == x - 1 &&
+                                             sights->y[sights->count - 1] == y;
+            sights->reach = conemap__maxi(sights->reach, conemap__maxi(x, -x) + sights->step_x);
             sights->by_border[sights->count] = band->sector.major == 1   ? ahead_u < ahead_v
                                                : band->sector.major == 2 ? ahead_v < ahead_u
                                                                          : 0;
@@ -4403,9 +4409,10 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     if (band.sector.su != 0 || search.relaxed) return conemap__part_band(&band, &search, least);
     conemap__find_sights(&band, search.near2, 1, &sights);
     conemap__safe_start(&band, least);
-    conemap__sights_rows(&band, &sights, 0);
     result = conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
-    if (result == CONEMAP_OK) conemap__sights_rows(&band, &sights, 1);
+    if (result != CONEMAP_OK) return result;
+    conemap__sights_rows(&band, &sights, 0); /* most of what is near has no say after the search */
+    conemap__sights_rows(&band, &sights, 1);
     return result;
 }
 
@@ -15028,13 +15035,17 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, in
 }
 
 /* Can a patch of such corners, above the eye, matter? With room for rounding. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_reach)(const conemap__sights *sights, int k, CONEMAP__F rise,
+                                                      CONEMAP__F best) {
+    rise = CONEMAP__MAX(CONEMAP__ADD(rise, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
+    rise = CONEMAP__MUL(rise, CONEMAP__F1(sights->most[k]));
+    return CONEMAP__LT(best, CONEMAP__MUL(rise, rise));
+}
+
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sights, int k, CONEMAP__F h00,
                                                      CONEMAP__F h10, CONEMAP__F h01, CONEMAP__F h11,
                                                      CONEMAP__F best) {
-    CONEMAP__F seen = CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11));
-    seen = CONEMAP__MAX(CONEMAP__ADD(seen, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
-    seen = CONEMAP__MUL(seen, CONEMAP__F1(sights->most[k]));
-    return CONEMAP__LT(best, CONEMAP__MUL(seen, seen));
+    return CONEMAP__KERNEL(may_reach)(sights, k, CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)), best);
 }
 
 /* Step 4, cut into pieces: the bound of its slope. */
@@ -15058,36 +15069,59 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(pieces)(const conemap__sights *sights
     return seen;
 }
 
+/* The heights of two rows' cells' left corners, the higher or the lower ones. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge_height)(const float *upper, const float *lower, int lowest) {
+    CONEMAP__F a = CONEMAP__LOADF(upper), b = CONEMAP__LOADF(lower);
+    return lowest ? CONEMAP__MIN(a, b) : CONEMAP__MAX(a, b);
+}
+
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                    int wraps, const float *known, int first, int count, float *out) {
     const float missing = -1.0e30f;
-    int x, k, of_cells = known != NULL;
+    int x, k, of_cells = known != NULL, step = sights->step_x;
     for (x = 0; x < count; x += CONEMAP__LANES) {
+        int at = first + x, inside = at >= sights->reach && at + CONEMAP__LANES + sights->reach <= width;
         CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), sign = CONEMAP__F1(of_cells ? -1.0f : 1.0f);
+        CONEMAP__F eye_height = sign, lowest = sign, edge = sign;
         if (of_cells) { /* what its corners have is all the same as a cell's own */
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x, width, wraps, 1, 0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x + sights->step_x, width, wraps, 1,
-                                                              0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at, width, wraps, 1, 0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at + step, width, wraps, 1, 0.0f));
+            if (inside && rows[sights->step_y])
+                lowest = CONEMAP__MIN(
+                    CONEMAP__KERNEL(edge_height)(rows[0] + at, rows[sights->step_y] + at, 1),
+                    CONEMAP__KERNEL(edge_height)(rows[0] + at + step, rows[sights->step_y] + at + step, 1));
+        } else {
+            eye_height = CONEMAP__KERNEL(load)(rows[0] + at, count - x);
         }
         for (k = 0; k < sights->count; ++k) {
-            int left = first + x + (of_cells ? 0 : sights->x[k]);
-            int top = of_cells ? 0 : sights->y[k], eye = first + x - (of_cells ? sights->x[k] : 0);
+            int left = at + (of_cells ? 0 : sights->x[k]);
+            int top = of_cells ? 0 : sights->y[k], eye = at - (of_cells ? sights->x[k] : 0);
             const float *upper = rows[top], *lower = rows[top + sights->step_y],
                 *eyes = rows[of_cells ? -sights->y[k] : 0];
             CONEMAP__F apex, h00, h10, h01, h11, least, seen;
             if (!upper || !lower || !eyes) continue;
+            if (inside) { /* most cells are too low; neighbours share an edge */
+                if (of_cells) {
+                    seen = CONEMAP__SUB(CONEMAP__LOADF(eyes + eye), lowest);
+                } else {
+                    seen = sights->follows[k] ? edge : CONEMAP__KERNEL(edge_height)(upper + left, lower + left, 0);
+                    edge = CONEMAP__KERNEL(edge_height)(upper + left + step, lower + left + step, 0);
+                    seen = CONEMAP__SUB(CONEMAP__MAX(seen, edge), eye_height);
+                }
+                if (!CONEMAP__ANY(CONEMAP__KERNEL(may_reach)(sights, k, seen, best))) continue;
+            }
             apex = CONEMAP__KERNEL(beside)(eyes, eye, width, wraps, 0, missing);
             h00 = CONEMAP__KERNEL(beside)(upper, left, width, wraps, 0, missing);
-            h10 = CONEMAP__KERNEL(beside)(upper, left + sights->step_x, width, wraps, 0, missing);
+            h10 = CONEMAP__KERNEL(beside)(upper, left + step, width, wraps, 0, missing);
             h01 = CONEMAP__KERNEL(beside)(lower, left, width, wraps, 0, missing);
-            h11 = CONEMAP__KERNEL(beside)(lower, left + sights->step_x, width, wraps, 0, missing);
+            h11 = CONEMAP__KERNEL(beside)(lower, left + step, width, wraps, 0, missing);
             least = CONEMAP__MIN(CONEMAP__MIN(h00, h10), CONEMAP__MIN(h01, h11));
             h00 = CONEMAP__MUL(CONEMAP__SUB(h00, apex), sign);
             h10 = CONEMAP__MUL(CONEMAP__SUB(h10, apex), sign);
             h01 = CONEMAP__MUL(CONEMAP__SUB(h01, apex), sign);
             h11 = CONEMAP__MUL(CONEMAP__SUB(h11, apex), sign);
-            if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best),
-                                           CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
+            if (!inside && !CONEMAP__ANY(CONEMAP__AND(CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best),
+                                                      CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
                 continue;
             seen = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
             seen = CONEMAP__PICK(CONEMAP__LT(CONEMAP__F1(0.5f * missing), least), seen, CONEMAP__F1(0.0f));
