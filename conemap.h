@@ -390,6 +390,7 @@ typedef struct conemap_map {
         float least_slope2;     /* 1 / max_tan^2, less so much that conemap__tangent's margin leaves max_tan whole */
         unsigned char *job_results;
         unsigned char *wanted;  /* while updating: what to do with each texel */
+        int *wanted_columns;    /* and the first and the last such column of each band of rows */
         float *survey;          /* with keep_search, two numbers for each block of CONEMAP__BAND^2 texels and each
                                    sector: see conemap__surveyed */
         int updating, keeps_search;
@@ -2082,26 +2083,28 @@ CONEMAP__INLINE float *conemap__maxima(const conemap_pyramid *pyramid, int k, in
     return pyramid->level[k] + (size_t)y * (size_t)pyramid->width[k];
 }
 
-static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1);
+static void conemap__maxima_rows(const conemap_map *map, int k, int x0, int x1, int y0, int y1);
 
 static void conemap__maxima_strip(const conemap_map *map, int strip) {
     int k;
     for (k = 1; k <= CONEMAP__STRIP_LEVELS && k < map->build.texels.levels; ++k) {
         int rows = CONEMAP__STRIP >> k;
-        conemap__maxima_rows(map, k, strip * rows, conemap__mini((strip + 1) * rows, map->build.texels.height[k]));
+        conemap__maxima_rows(map, k, 0, map->build.texels.width[k], strip * rows,
+                             conemap__mini((strip + 1) * rows, map->build.texels.height[k]));
     }
 }
 
 static void conemap__maxima_top(const conemap_map *map) {
     int k;
     for (k = CONEMAP__STRIP_LEVELS + 1; k < map->build.texels.levels; ++k)
-        conemap__maxima_rows(map, k, 0, map->build.texels.height[k]);
+        conemap__maxima_rows(map, k, 0, map->build.texels.width[k], 0, map->build.texels.height[k]);
 }
 
-/* Everything that depends on rows y0..y1 of the texels, both ends included. */
-static void conemap__maxima_region(const conemap_map *map, int y0, int y1) {
+/* Everything that depends on texels x0..x1, y0..y1, both ends included. */
+static void conemap__maxima_region(const conemap_map *map, int x0, int x1, int y0, int y1) {
     int k;
-    for (k = 1; k < map->build.texels.levels; ++k) conemap__maxima_rows(map, k, y0 >> k, (y1 >> k) + 1);
+    for (k = 1; k < map->build.texels.levels; ++k)
+        conemap__maxima_rows(map, k, x0 >> k, (x1 >> k) + 1, y0 >> k, (y1 >> k) + 1);
 }
 
 static void conemap__pyramid_top(const conemap_map *map, conemap_pyramid *pyramid) {
@@ -2172,6 +2175,89 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
 #include <wasm_simd128.h>
 #endif
 
+/* ---- sectors of directions: see conemap_sector ----------------------------------------------------------------
+
+   Offsets are turned so that their quadrant is the first. An octant takes from it what is no farther along the minor
+   axis than along the major one, in whole texels, so that every test is exact. */
+
+typedef struct conemap__sector {
+    int su, sv;     /* signs of the quadrant; 0: all directions */
+    int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
+    int number;     /* counts planes. (tcc 0.9.27 returns structs of 12 bytes over what lies behind them; this has
+                       16) */
+} conemap__sector;
+
+CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
+
+static conemap__sector conemap__make_sector(const conemap_info *info, int number) {
+    conemap__sector sector;
+    memset(&sector, 0, sizeof sector);
+    sector.number = number;
+    if (conemap__planes(info) == 1) return sector;
+    sector.su = number & 1 ? -1 : 1;
+    sector.sv = number & 2 ? -1 : 1;
+    if (conemap__planes(info) == 8) sector.major = number & 4 ? 2 : 1;
+    return sector;
+}
+
+CONEMAP__INLINE int conemap__sector_number(const conemap_info *info, double du, double dv) {
+    int number = (du < 0.0 ? 1 : 0) + (dv < 0.0 ? 2 : 0);
+    double x = (du < 0.0 ? -du : du) * (double)info->width, y = (dv < 0.0 ? -dv : dv) * (double)info->height;
+    if (conemap__planes(info) == 1) return 0;
+    return conemap__planes(info) == 8 && y > x ? number + 4 : number;
+}
+
+CONEMAP__DEF int conemap_sector(const conemap_info *info, float du, float dv) {
+    return info ? conemap__sector_number(info, (double)du, (double)dv) : 0;
+}
+
+/* Do texels low..high of an axis reach one of the two on either border of CLAMP? Along an axis of one texel all do.
+   What lies in the outer half texel is seen by its projection onto the border, which keeps the quadrant of a direction
+   but not the octant. So border cells, and the vertices that they have, count for their whole quadrant. */
+CONEMAP__INLINE int conemap__by_border(int low, int high, int size, conemap_wrap wrap) {
+    return size == 1 || (wrap == CONEMAP_CLAMP && (low <= 1 || high >= size - 2));
+}
+
+CONEMAP__INLINE int conemap__texels_by_border(const conemap_info *info, int low_i, int high_i, int low_j, int high_j) {
+    return conemap__by_border(low_i, high_i, info->width, info->wrap_u) ||
+           conemap__by_border(low_j, high_j, info->height, info->wrap_v);
+}
+
+/* Is cell (i, j), by its lower corner, a border cell or one outside? */
+CONEMAP__INLINE int conemap__border_cell(const conemap_info *info, int i, int j) {
+    return conemap__by_border(i + 1, i, info->width, info->wrap_u) ||
+           conemap__by_border(j + 1, j, info->height, info->wrap_v);
+}
+
+/* Do offsets x0..x1, y0..y1 meet the sector? An octant has `room` texels beyond its diagonal, and the whole quadrant
+   with `whole`. *dx, *dy: the nearest offset of those. */
+CONEMAP__INLINE int conemap__meets(conemap__sector sector, int room, int whole, int x0, int x1, int y0, int y1, int *dx,
+                                   int *dy) {
+    int far_x = sector.su > 0 ? x1 : -x0, far_y = sector.sv > 0 ? y1 : -y0;
+    *dx = conemap__maxi(sector.su > 0 ? x0 : -x1, 0);
+    *dy = conemap__maxi(sector.sv > 0 ? y0 : -y1, 0);
+    if (far_x < 0 || far_y < 0) return 0;
+    if (sector.major == 0 || whole) return 1;
+    if (sector.major == 1) {
+        *dx = conemap__maxi(*dx, *dy - room);
+        return *dx <= far_x;
+    }
+    *dy = conemap__maxi(*dy, *dx - room);
+    return *dy <= far_y;
+}
+
+/* The square of the steepest ascent of gradient (x, y) within the first quadrant, or the octant of it along `major`,
+   for texels of a by b. */
+static double conemap__ascent2(int major, double x, double y, double a, double b) {
+    double along = major == 1 ? x : y, diagonal = x * a + y * b;
+    if (major != 0 && !(x >= 0.0 && y >= 0.0 && (major == 1 ? y * a <= x * b : y * a >= x * b))) {
+        along = along > 0.0 ? along * along : 0.0;
+        diagonal = diagonal > 0.0 ? diagonal * diagonal / (a * a + b * b) : 0.0;
+        return along > diagonal ? along : diagonal;
+    }
+    return (x > 0.0 ? x * x : 0.0) + (y > 0.0 ? y * y : 0.0);
+}
+
 /* What the search for cones keeps from one tile to the next (see G E N E R A T I O N). */
 #define CONEMAP__TILE 8      /* texels along a tile's side */
 #define CONEMAP__NOTED 256
@@ -2180,11 +2266,14 @@ typedef struct conemap__search {
     float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
     float near2;             /* pairs closer than its root are left to others; 0 for vertex cones */
     float widen2;            /* (1 + slack)^2 */
+    int is_away;             /* the tile is none of the map's, and sees it as it stands, without images */
     int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
+    conemap__sector sector;  /* where it looks */
+    int room;                /* eight sectors: 1 where a texel stands for the cells around it, 0 for vertex cones */
+    int relaxed;             /* at cells that fall */
 } conemap__search;
 
 #define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
-#define CONEMAP__TINY 1.0e-30f
 
 /* A tile's texels, row by row. */
 typedef struct conemap__tile {
@@ -2196,14 +2285,17 @@ typedef struct conemap__tile {
     int noted, noted_x[CONEMAP__NOTED], noted_y[CONEMAP__NOTED];
     int x, y;                /* of its first texel, as the image at hand counts */
     int shift_x, shift_y;    /* that image's own shift */
+    float ground;            /* the lowest texel that is searched */
+    float room[CONEMAP__TILE * CONEMAP__TILE]; /* eight sectors: very much for those that look over their quadrant */
+    int by_border;           /* some do */
 } conemap__tile;
 
-/* The lower corners of the 8 pieces of a patch, 4 along its longer side: twice, as all tables for lanes. */
-#define CONEMAP__EIGHTHS 8
-static const float conemap__piece_x[2 * CONEMAP__EIGHTHS] = {0, .25f, .5f, .75f, 0, .25f, .5f, .75f,
-                                                            0, .25f, .5f, .75f, 0, .25f, .5f, .75f};
-static const float conemap__piece_y[2 * CONEMAP__EIGHTHS] = {0, 0, 0, 0, .5f, .5f, .5f, .5f, 0, 0, 0, 0, .5f, .5f, .5f,
-                                                             .5f};
+/* From a tile's columns, or rows, to the nearest and the farthest of some places, ahead of them in a sector. */
+typedef struct conemap__offsets {
+    float nearest[2 * CONEMAP__TILE], farthest[2 * CONEMAP__TILE];
+} conemap__offsets;
+
+#define CONEMAP__WIDE 1.0e9f /* texels: farther than anything */
 
 /* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4
    of the proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V),
@@ -2215,9 +2307,21 @@ typedef struct conemap__sights {
     int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS], columns[CONEMAP__SIGHTS], rows[CONEMAP__SIGHTS];
     int first[CONEMAP__SIGHTS]; /* in `inverse` */
     int step_x, step_y;      /* from a corner to the next; 0 along an axis of one texel */
+    int reach;               /* columns to either side that are looked at */
+    int follows[CONEMAP__SIGHTS]; /* the cell lies to the right of the last one */
     float most[CONEMAP__SIGHTS]; /* the largest number of each, and a little more */
+    int by_border[CONEMAP__SIGHTS]; /* eight sectors: beyond the diagonal, so only there where a quadrant counts */
     float fraction[CONEMAP__FINEST + 1], inverse[2048];
 } conemap__sights;
+
+/* Who looks, with relaxed cones and in a sector. */
+typedef struct conemap__outlook {
+    const conemap_map *map;
+    const conemap__sights *sights;
+    conemap__sector sector;
+    float a, b;              /* a texel's size */
+    int relaxed;
+} conemap__outlook;
 
 /* Where the texels of a tile's row stand: twice, for there are vectors of two rows. */
 static const float conemap__places[2 * CONEMAP__TILE] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7};
@@ -2273,6 +2377,31 @@ CONEMAP__INLINE int conemap__ask_group(const conemap__tile *tile, int group, con
         if (dh > 0.0f && dh * dh > tile->bar[group] * (x2[c & 1] + y2[c >> 1])) asked |= 1 << c;
     }
     return asked;
+}
+
+/* How many periods away along an axis images may matter to the tile. In a quadrant a texel's next image decides. In an
+   octant it may be one that is as far as the other axis is long (which takes its time on long narrow maps), unless
+   nothing so far away can be steeper. */
+CONEMAP__INLINE int conemap__images(const conemap_map *map, const conemap__search *search, const conemap__tile *tile,
+                                    int along_v) {
+    int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height, k;
+    float period = (float)size * (along_v ? search->b : search->a), least = CONEMAP__FAR, room, reach;
+    if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
+    if (search->sector.major == 0 || !(period > 0.0f)) return 1;
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k)
+        if (tile->height[k] <= 1.0f) least = conemap__min(least, tile->slope2[k]);
+    room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - tile->ground;
+    reach = sqrtf(room * room / least + search->deflate) * 1.0001f / period;
+    return 1 + (int)conemap__min(reach, (float)(2 + other / size));
+}
+
+/* What is known of cells that fall: see S A F E   C O N E S. */
+enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
+CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap);
+
+/* A row of heights for cells, which lie level across beyond borders. */
+CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
+    return map->heights + (size_t)conemap__texel_index(j, map->info.height, map->info.wrap_v) * (size_t)map->info.width;
 }
 
 /* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
@@ -2481,35 +2610,37 @@ typedef struct conemap__kernels {
     void (*tangent_row)(const float *const *slopes2, int rows, float margin, float max_tan, int count, float *out);
     /* The widest stored values that decode to no more than the tangents. */
     void (*store_row)(const conemap_info *info, const float *heights, const float *tangents, int count, float *cones);
+    /* Lower bounds of squared slopes, from stored cones, which rounding made narrower by less than a step. */
+    void (*floor_row)(const conemap_info *info, const float *heights, const float *cones, int count, float *out);
     /* Maxima over 2 x 2 of two rows of `width`, which are the same row where the last has no partner. */
     void (*maxima_row)(const float *above, const float *below, int width, float *out);
     /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are
        null. */
-    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
+    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
+                     int count, float *out);
     /* Squares of the longest gradients of the cells between two rows. */
-    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, float *out);
+    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, int first,
+                         int count, float *out);
     /* Squares of what each texel sees of its own four cells, at least `least`. Missing rows are null. */
-    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, float *out);
-    /* The steepest that a few neighbours make of it: maxima of dh^2 * inverse[k] over height differences to the texel
-       columns[k] to the right in rows[k]. */
-    void (*near_row)(const float *row, const float *const *rows, const int *columns, const float *inverse, int n,
-                     int width, int wraps, int first, int count, float *out);
+    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
+                        int count, float *out);
     /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells
        near it; or, given what is known of the texels in this row, from each cell, by its lower corner, up to the
        vertices near it. rows[k] is the k-th row from this one, null where there is none. */
     void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps,
                        const float *known, int first, int count, float *out);
-    /* Step 4 of the proof of safe cones: the eye at the origin sees a patch whose corner k stands at
-       (x + (k & 1) size_x, y + (k >> 1) size_y), h[k] above it. The larger of `best` and a bound of the squared slope.
-       `above` is a bound that the whole patch has already, so that its pieces are never worse. */
-    float (*patch)(const float *h, float x, float y, float size_x, float size_y, float above, float best);
+    /* Relaxed cones, and those of a sector: what texels of row j see of the cells around them, at least `least`; and
+       what is seen of cells of row j from within and from the vertices around them, raised from `out` and from what is
+       known of the texels in the row where they have their place. */
+    void (*vertices_row)(const conemap__outlook *outlook, int j, float least, int first, int count, float *out);
+    void (*cells_row)(const conemap__outlook *outlook, int j, const float *known, int first, int count, float *out);
     /* Maxima over n planes' rows, each shifted by so many columns; beyond a border it is repeated. */
     void (*steepest_row)(const float *const *rows, const int *columns, int n, int width, int wraps, int first,
                          int count, float *out);
     /* [VB22] for up to 16 columns of a row: squared slopes, at least `least`. */
     void (*quick_row)(const conemap_pyramid *pyramid, const conemap__quick_columns *columns,
                       const conemap__quick_level *levels, const float *heights, float least, int count, float *out);
-    /* Raises a tile's slopes to the steepest there is. */
+    /* Raises a tile's slopes to the steepest there is. With is_away its own x and y count from the map's corner. */
     void (*search_tile)(const conemap_map *map, conemap__search *search, conemap__tile *tile);
     /* The larger of two rows; and what a square, the larger of two places in a row, does to conemap__look's columns. */
     void (*larger_row)(const float *a, const float *b, int count, float *out);
@@ -2521,8 +2652,9 @@ typedef struct conemap__kernels {
 
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
+      conemap__floor_row_##isa,                                                                                     \
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
-      conemap__near_row_##isa, conemap__sights_row_##isa, conemap__patch_##isa, conemap__steepest_row_##isa,   \
+      conemap__sights_row_##isa, conemap__vertices_row_##isa, conemap__cells_row_##isa, conemap__steepest_row_##isa, \
       conemap__quick_row_##isa, conemap__search_tile_##isa,                                                         \
       conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
 
@@ -3177,102 +3309,6 @@ static conemap__window conemap__texel_window(const conemap_map *map, int i, int 
     return w;
 }
 
-/* ---- sectors of directions: see conemap_sector ----------------------------------------------------------------
-
-   Offsets are turned so that their quadrant is the first. An octant takes from it what is no farther along the minor
-   axis than along the major one, in whole texels, so that every test is exact. */
-
-typedef struct conemap__sector {
-    int su, sv;     /* signs of the quadrant; 0: all directions */
-    int major;      /* of eight sectors: 1 along u, 2 along v; 0: the whole quadrant */
-    int number;     /* counts planes. (tcc 0.9.27 returns structs of 12 bytes over what lies behind them; this has
-                       16) */
-} conemap__sector;
-
-CONEMAP__INLINE int conemap__planes(const conemap_info *info) { return conemap__maxi(info->texture.sectors, 1); }
-
-static conemap__sector conemap__make_sector(const conemap_info *info, int number) {
-    conemap__sector sector;
-    memset(&sector, 0, sizeof sector);
-    sector.number = number;
-    if (conemap__planes(info) == 1) return sector;
-    sector.su = number & 1 ? -1 : 1;
-    sector.sv = number & 2 ? -1 : 1;
-    if (conemap__planes(info) == 8) sector.major = number & 4 ? 2 : 1;
-    return sector;
-}
-
-CONEMAP__INLINE int conemap__sector_number(const conemap_info *info, double du, double dv) {
-    int number = (du < 0.0 ? 1 : 0) + (dv < 0.0 ? 2 : 0);
-    double x = (du < 0.0 ? -du : du) * (double)info->width, y = (dv < 0.0 ? -dv : dv) * (double)info->height;
-    if (conemap__planes(info) == 1) return 0;
-    return conemap__planes(info) == 8 && y > x ? number + 4 : number;
-}
-
-CONEMAP__DEF int conemap_sector(const conemap_info *info, float du, float dv) {
-    return info ? conemap__sector_number(info, (double)du, (double)dv) : 0;
-}
-
-/* Do texels low..high of an axis reach one of the two on either border of CLAMP? Along an axis of one texel all do.
-   What lies in the outer half texel is seen by its projection onto the border, which keeps the quadrant of a direction
-   but not the octant. So border cells, and the vertices that they have, count for their whole quadrant. */
-CONEMAP__INLINE int conemap__by_border(int low, int high, int size, conemap_wrap wrap) {
-    return size == 1 || (wrap == CONEMAP_CLAMP && (low <= 1 || high >= size - 2));
-}
-
-CONEMAP__INLINE int conemap__texels_by_border(const conemap_info *info, int low_i, int high_i, int low_j, int high_j) {
-    return conemap__by_border(low_i, high_i, info->width, info->wrap_u) ||
-           conemap__by_border(low_j, high_j, info->height, info->wrap_v);
-}
-
-/* Is cell (i, j), by its lower corner, a border cell or one outside? */
-CONEMAP__INLINE int conemap__border_cell(const conemap_info *info, int i, int j) {
-    return conemap__by_border(i + 1, i, info->width, info->wrap_u) ||
-           conemap__by_border(j + 1, j, info->height, info->wrap_v);
-}
-
-/* Do offsets x0..x1, y0..y1 meet the sector? An octant has `room` texels beyond its diagonal, and the whole quadrant
-   with `whole`. *dx, *dy: the nearest offset of those. */
-CONEMAP__INLINE int conemap__meets(conemap__sector sector, int room, int whole, int x0, int x1, int y0, int y1, int *dx,
-                                   int *dy) {
-    int far_x = sector.su > 0 ? x1 : -x0, far_y = sector.sv > 0 ? y1 : -y0;
-    *dx = conemap__maxi(sector.su > 0 ? x0 : -x1, 0);
-    *dy = conemap__maxi(sector.sv > 0 ? y0 : -y1, 0);
-    if (far_x < 0 || far_y < 0) return 0;
-    if (sector.major == 0 || whole) return 1;
-    if (sector.major == 1) {
-        *dx = conemap__maxi(*dx, *dy - room);
-        return *dx <= far_x;
-    }
-    *dy = conemap__maxi(*dy, *dx - room);
-    return *dy <= far_y;
-}
-
-/* Does a flight from vertex (k, l) to cell (i, j) lie in the sector, or with sign -1 one from the cell to the vertex? A
-   cell lies in one quadrant; the diagonal's cells are in both octants. */
-CONEMAP__INLINE int conemap__sees_cell(const conemap_map *map, conemap__sector sector, int i, int j, int k, int l,
-                                       float sign) {
-    int x = sign > 0.0f ? i - k : k - i - 1, y = sign > 0.0f ? j - l : l - j - 1;
-    if (sector.su == 0) return 1;
-    x = sector.su > 0 ? x : -x - 1;
-    y = sector.sv > 0 ? y : -y - 1;
-    if (x < 0 || y < 0) return 0;
-    return sector.major == 0 || (sector.major == 1 ? x >= y : y >= x) || conemap__border_cell(&map->info, i, j) ||
-           conemap__texels_by_border(&map->info, k, k, l, l);
-}
-
-/* The square of the steepest ascent of gradient (x, y) within the first quadrant, or the octant of it along `major`,
-   for texels of a by b. */
-static double conemap__ascent2(int major, double x, double y, double a, double b) {
-    double along = major == 1 ? x : y, diagonal = x * a + y * b;
-    if (major != 0 && !(x >= 0.0 && y >= 0.0 && (major == 1 ? y * a <= x * b : y * a >= x * b))) {
-        along = along > 0.0 ? along * along : 0.0;
-        diagonal = diagonal > 0.0 ? diagonal * diagonal / (a * a + b * b) : 0.0;
-        return along > diagonal ? along : diagonal;
-    }
-    return (x > 0.0 ? x * x : 0.0) + (y > 0.0 ? y * y : 0.0);
-}
-
 /* fl(dh^2 / d^2) for offsets in texels. */
 CONEMAP__INLINE float conemap__slope2(const conemap_map *map, float dh, float di, float dj) {
     float x = di * map->build.texel_u, y = dj * map->build.texel_v;
@@ -3369,14 +3405,14 @@ CONEMAP__INLINE float conemap__ring(const conemap_map *map, conemap_generator ge
     return s;
 }
 
-static void conemap__maxima_rows(const conemap_map *map, int k, int y0, int y1) {
+static void conemap__maxima_rows(const conemap_map *map, int k, int x0, int x1, int y0, int y1) {
     const conemap_pyramid *pyramid = &map->build.texels;
-    int y;
+    int y, width = conemap__mini(2 * x1, pyramid->width[k - 1]) - 2 * x0;
     for (y = y0; y < y1; ++y)
         conemap__kernels_of(map->isa)->maxima_row(
-            conemap__maxima(pyramid, k - 1, 2 * y),
-            conemap__maxima(pyramid, k - 1, conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1)),
-            pyramid->width[k - 1], conemap__maxima(pyramid, k, y));
+            conemap__maxima(pyramid, k - 1, 2 * y) + 2 * x0,
+            conemap__maxima(pyramid, k - 1, conemap__mini(2 * y + 1, pyramid->height[k - 1] - 1)) + 2 * x0, width,
+            conemap__maxima(pyramid, k, y) + x0);
 }
 
 /* Row j of a plane, by way of the wrap mode; null beyond the map. */
@@ -3416,14 +3452,17 @@ static conemap__search conemap__make_search(const conemap_map *map) {
 enum { CONEMAP__SEARCH = 1, CONEMAP__STORE = 2 }; /* what an update does with a texel; a build does both with all */
 CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x, int y, int what);
 
-/* Cuts off what is not wanted at either end of a run of texels; 0 if nothing is left. */
-static int conemap__cut_run(const conemap_map *map, int sector, int *x, int y, int *count, int what) {
-    while (*count > 0 && !conemap__is_wanted(map, sector, *x + *count - 1, y, what)) --*count;
-    while (*count > 0 && !conemap__is_wanted(map, sector, *x, y, what)) {
-        ++*x;
-        --*count;
-    }
-    return *count > 0;
+/* The columns of row y that passes have to go through, as a first one and the one behind the last; all in a build. */
+static void conemap__columns(const conemap_map *map, int sector, int y, int *x0, int *x1);
+
+/* Leaves out what is not wanted at the beginning of texels *x..end - 1 of a row; returns how many, up to
+   CONEMAP__RUN, are wanted from there on. */
+static int conemap__next_run(const conemap_map *map, int sector, int *x, int end, int y, int what) {
+    int count = 0;
+    if (!map->build.wanted) return conemap__mini(CONEMAP__RUN, end - *x);
+    while (*x < end && !conemap__is_wanted(map, sector, *x, y, what)) ++*x;
+    while (count < CONEMAP__RUN && *x + count < end && conemap__is_wanted(map, sector, *x + count, y, what)) ++count;
+    return count;
 }
 
 /* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
@@ -3437,7 +3476,7 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
         tile.slope2[k] = map->build.least_slope2;
         tile.decider[k] = 0;
         tile.folded[k] = 0.0f;
-        if (x >= w || y >= h || !conemap__is_wanted(map, 0, x, y, CONEMAP__SEARCH)) continue;
+        if (x >= w || y >= h || !conemap__is_wanted(map, search->sector.number, x, y, CONEMAP__SEARCH)) continue;
         tile.height[k] = conemap__height(map, x, y);
         tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
         any = 1;
@@ -3459,151 +3498,6 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
         search->seed_x[search->seeds] = tile.noted_x[n];
         search->seed_y[search->seeds++] = tile.noted_y[n];
     }
-}
-
-/* ---- the search in one sector of directions, texel by texel -----------------------------------------------------
-
-   The same by itself for each texel, for a sector cuts through tiles and blocks. What slack prunes is folded in. */
-
-/* A block that may hold something steeper, waiting its turn: dh^2 of its maximum and d^2 of its nearest texel. */
-typedef struct conemap__candidate {
-    float dh2, d2;
-    int x, y, k;
-} conemap__candidate;
-
-/* One search after another, by one job. */
-typedef struct conemap__sector_search {
-    conemap__search common;
-    conemap__sector sector; /* where it looks */
-    int room;           /* eight sectors: 1 where a texel stands for the cells around it, 0 for vertex cones */
-    int by_border;      /* the texel looks over its whole quadrant */
-    float folded;       /* the steepest bound that was pruned by slack alone */
-    int best_i, best_j; /* what decided the last texel: neighbours often agree */
-} conemap__sector_search;
-
-/* Do texels low..high of the map meet the sector of texel (i, j), which may lie outside for its images? As
-   conemap__meets. */
-CONEMAP__INLINE int conemap__search_meets(const conemap_map *map, const conemap__sector_search *search, int low_i,
-                                          int high_i, int low_j, int high_j, int i, int j, int *dx, int *dy) {
-    int whole = search->sector.major != 0 && search->room &&
-                (search->by_border || conemap__texels_by_border(&map->info, low_i, high_i, low_j, high_j));
-    return conemap__meets(search->sector, search->room, whole, low_i - i, high_i - i, low_j - j, high_j - j, dx, dy);
-}
-
-/* May something with this dh^2 and d^2 beat s? With slack, only by so much, and what is given up for it is folded
-   in. */
-CONEMAP__INLINE int conemap__may_beat(conemap__sector_search *search, float dh2, float d2, float s) {
-    float bar = s * d2 * CONEMAP__MARGIN;
-    const conemap__search *common = &search->common;
-    if (!(dh2 > bar)) return 0;
-    if (common->widen2 > 1.0f && d2 > 0.0f && d2 + common->deflate >= common->near2 && !(dh2 > bar * common->widen2)) {
-        search->folded = conemap__max(search->folded, dh2 / d2);
-        return 0;
-    }
-    return 1;
-}
-
-/* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that may beat s; the nearest to
-   texel (i, j), which may lie outside the map for its images, comes last and so is popped first. */
-static int conemap__push_seen(const conemap_map *map, conemap__sector_search *search, int k, int x, int y, int i, int j,
-                              float apex, float s, int skip, conemap__candidate *out) {
-    const conemap_pyramid *pyramid = &map->build.texels;
-    int size = 1 << k, c, count = 0;
-    int near_x = i >= size * (2 * x + 1), near_y = j >= size * (2 * y + 1);
-    for (c = 3; c >= 0; --c) {
-        int across = 2 * x + ((c & 1) ^ near_x), down = 2 * y + ((c >> 1) ^ near_y), left = size * across;
-        int low = size * down, di, dj;
-        float dh, dx, dy, d2;
-        if (across >= pyramid->width[k] || down >= pyramid->height[k]) continue;
-        dh = conemap__maxima(pyramid, k, down)[across] - apex;
-        if (!(dh > 0.0f) || 2 * (down & 1) + (across & 1) == skip ||
-            !conemap__search_meets(map, search, left, left + size - 1, low, low + size - 1, i, j, &di, &dj))
-            continue;
-        dx = (float)di * search->common.a;
-        dy = (float)dj * search->common.b;
-        d2 = dx * dx + dy * dy - search->common.deflate;
-        if (!conemap__may_beat(search, dh * dh, d2, s)) continue;
-        out[count].dh2 = dh * dh;
-        out[count].d2 = d2;
-        out[count].x = across;
-        out[count].y = down;
-        out[count].k = k;
-        ++count;
-    }
-    return count;
-}
-
-/* Works the stack off: opens blocks until none can beat s. The map is shifted by (shift_i, shift_j) against texel (i,
-   j). */
-static float conemap__open_seen(const conemap_map *map, conemap__sector_search *search, int i, int j, int shift_i,
-                                int shift_j, float apex, float s, conemap__candidate *stack, int count) {
-    while (count > 0) {
-        conemap__candidate c = stack[--count];
-        float slope2;
-        if (!conemap__may_beat(search, c.dh2, c.d2, s)) continue;
-        if (c.k > 0) {
-            count += conemap__push_seen(map, search, c.k - 1, c.x, c.y, i - shift_i, j - shift_j, apex, s, -1,
-                                        stack + count);
-            continue;
-        }
-        if (c.d2 + search->common.deflate < search->common.near2) continue; /* left to conemap__near_row */
-        slope2 = c.dh2 / c.d2;
-        if (slope2 > s) {
-            s = slope2;
-            search->best_i = c.x + shift_i;
-            search->best_j = c.y + shift_j;
-        }
-    }
-    return s;
-}
-
-/* How many periods away along an axis images may matter. In all directions and in a quadrant a texel's next image
-   decides. In an octant it may be one that is as far as the other axis is long (which takes its time on long narrow
-   maps), unless nothing so far away can beat s. */
-static int conemap__images(const conemap_map *map, const conemap__sector_search *search, int along_v, float apex,
-                           float s) {
-    int size = along_v ? map->info.height : map->info.width, other = along_v ? map->info.width : map->info.height;
-    float period = (float)size * (along_v ? search->common.b : search->common.a);
-    float room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - apex, reach;
-    if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
-    if (search->sector.major == 0 || !(period > 0.0f)) return 1;
-    reach = sqrtf(room * room / s + search->common.deflate) * 1.0001f / period;
-    return 1 + (int)conemap__min(reach, (float)(2 + other / size));
-}
-
-/* The steepest squared slope that texel (i, j) sees in the sector; s is what is known. */
-static float conemap__search_sector(const conemap_map *map, conemap__sector_search *search, int i, int j, float s) {
-    conemap__candidate stack[3 * 17 + 4];
-    const conemap_info *info = &map->info;
-    int levels = map->build.texels.levels, w = info->width, h = info->height, k, a, b, images_u, images_v, di, dj;
-    float apex = conemap__height(map, i, j), dh;
-    search->folded = 0.0f;
-    search->by_border = search->sector.major != 0 && conemap__texels_by_border(info, i, i, j, j);
-    if ((search->best_i != i || search->best_j != j) &&
-        conemap__search_meets(map, search, search->best_i, search->best_i, search->best_j, search->best_j, i, j, &di,
-                              &dj)) {
-        float x = (float)(search->best_i - i) * search->common.a, y = (float)(search->best_j - j) * search->common.b;
-        float d2 = x * x + y * y;
-        dh = conemap__height(map, conemap__texel_index(search->best_i, w, info->wrap_u),
-                             conemap__texel_index(search->best_j, h, info->wrap_v)) - apex;
-        if (dh > 0.0f && d2 > 0.0f && d2 >= search->common.near2)
-            s = conemap__max(s, dh * dh / (d2 - search->common.deflate));
-    }
-    for (k = 0; k + 1 < levels; ++k) {
-        int own = (j >> k & 1) << 1 | (i >> k & 1);
-        int count = conemap__push_seen(map, search, k, i >> (k + 1), j >> (k + 1), i, j, apex, s, own, stack);
-        s = conemap__open_seen(map, search, i, j, 0, 0, apex, s, stack, count);
-    }
-    images_u = conemap__images(map, search, 0, apex, s);
-    images_v = conemap__images(map, search, 1, apex, s);
-    for (b = -images_v; b <= images_v; ++b)
-        for (a = -images_u; a <= images_u; ++a) {
-            int count;
-            if ((a == 0 && b == 0) || a * search->sector.su < 0 || b * search->sector.sv < 0) continue;
-            count = conemap__push_seen(map, search, levels - 1, 0, 0, i - a * w, j - b * h, apex, s, -1, stack);
-            s = conemap__open_seen(map, search, i, j, a * w, b * h, apex, s, stack, count);
-        }
-    return conemap__max(s, search->folded);
 }
 
 /* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
@@ -3738,10 +3632,9 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
    5. Every pair is seen. Let p in P, q in Q; by 1 it is a vertex u and a patch. Own cell: step 2, given to P's corners.
       Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for
       the corner with the largest bound: far from u (V <= tolerance D^2) the search takes the corner's bound as it is,
-      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights_rows), given to the 3x3
-      of u, or to P's corners if it is P that is seen from v. In a sector conemap__near_row cuts up the patch with the
-      largest bound alone, and where D_j^2 < 1.5 V, which only texels longer than 1.29:1 know, conemap__close_pairs
-      looks at every patch. What a search from u prunes is at most what the 3x3 of u has already.
+      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights), given to the 3x3
+      of u, or to P's corners if it is P that is seen from v. What a search from u prunes is at most what the 3x3 of u
+      has already.
       With a cone for each cell, what was given to texels is given to P itself, or to the cells at u: a part of the 3x3.
    6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty.
       Storing sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to
@@ -3785,7 +3678,6 @@ typedef struct conemap__band {
     conemap__sector sector;
     float *plane, *cell_slopes; /* the sector's */
     float a, b, deflate;        /* texel size; V */
-    int close_u, close_v;       /* how many texels away D^2 - V may mean little; 0: nowhere */
 } conemap__band;
 
 /* Heights at any whole coordinates, cells by their lower corner; an axis of one texel has one cell, constant across. */
@@ -3814,27 +3706,6 @@ CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int 
     return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
 }
 
-/* Does this band have the row of cell (i, j)? */
-CONEMAP__INLINE int conemap__has_cell(const conemap__band *band, int i, int j) {
-    const conemap_info *info = &band->map->info;
-    (void)i;
-    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
-    return j >= band->y0 && j < band->y1;
-}
-
-CONEMAP__INLINE float *conemap__cell_at(const conemap__band *band, int i, int j) {
-    const conemap_info *info = &band->map->info;
-    i = conemap__repeat(conemap__cell_place(i, info->width, info->wrap_u, info->texture.per_cell), info->width);
-    j = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell);
-    return &band->cell_slopes[(size_t)j * (size_t)info->width + (size_t)i];
-}
-
-/* Raises the slope of a cell that the band has. */
-CONEMAP__INLINE void conemap__raise_cell(const conemap__band *band, int i, int j, float slope2) {
-    float *at = conemap__cell_at(band, i, j);
-    *at = conemap__max(*at, slope2);
-}
-
 /* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with
    per_cell: of what rows y0 to y1 know. At most 13. */
 static int conemap__collect(const conemap_map *map, int sector, int j, int y0, int y1, const float **rows,
@@ -3856,200 +3727,13 @@ static int conemap__collect(const conemap_map *map, int sector, int j, int y0, i
     return n;
 }
 
-/* Slope along an axis whose texels may have no length. */
-CONEMAP__INLINE float conemap__over(float rise, float length) { return length > 0.0f ? rise / length : 0.0f; }
+/* Along an axis, whole texels from a vertex to a cell whose lower corner is x texels away, ahead if not negative. */
+CONEMAP__INLINE int conemap__ahead(int x, int sign, int step) { return step == 0 ? 0 : sign > 0 ? x : -x - 1; }
 
-/* Step 2: the square of the longest gradient in cell (i, j), or of the steepest ascent in the band's sector. */
-static float conemap__own_slope2(const conemap__band *band, int i, int j) {
-    conemap__corners h = conemap__gather(band->map->heights, conemap__cell_quad(band->map, i, j));
-    float x0 = h.h10 - h.h00, x1 = h.h11 - h.h01, y0 = h.h01 - h.h00, y1 = h.h11 - h.h10, x, y;
-    if (band->sector.su != 0) {
-        float su = (float)band->sector.su, sv = (float)band->sector.sv;
-        /* a corner of this cell may be one of a border cell's, seen from inside */
-        int whole = conemap__texels_by_border(&band->map->info, i, i + 1, j, j + 1);
-        x = conemap__over(conemap__max(su * x0, su * x1), band->a);
-        y = conemap__over(conemap__max(sv * y0, sv * y1), band->b);
-        return (float)conemap__ascent2(whole ? 0 : band->sector.major, (double)x, (double)y, (double)band->a,
-                                       (double)band->b);
-    }
-    x = conemap__over(conemap__max(conemap__max(x0, -x0), conemap__max(x1, -x1)), band->a);
-    y = conemap__over(conemap__max(conemap__max(y0, -y0), conemap__max(y1, -y1)), band->b);
-    return x * x + y * y;
-}
-
-/* Step 3: an edge of length l at distance c, its ends `first` (at the foot of the perpendicular) and `last` above the
-   eye. */
-static float conemap__edge_slope2(float first, float last, float l, float c) {
-    float slope2 = 0.0f, rise;
-    if (!(l > 0.0f && c > 0.0f)) return 0.0f;
-    rise = (last - first) / l;
-    if (first > 0.0f) {
-        slope2 = first * first / (c * c);
-        if (rise > 0.0f && rise * c * c < first * l) return slope2 + rise * rise;
-    }
-    return last > 0.0f ? conemap__max(slope2, last * last / (l * l + c * c)) : slope2;
-}
-
-/* Step 3: vertex (i, j) looks over its own cell towards (i + si, j + sj). */
-static float conemap__corner_slope2(const conemap__band *band, int i, int j, int si, int sj) {
-    float apex = conemap__vertex(band->map, i, j);
-    float along = conemap__vertex(band->map, i + si, j) - apex, across = conemap__vertex(band->map, i, j + sj) - apex;
-    float opposite = conemap__vertex(band->map, i + si, j + sj) - apex;
-    float x = conemap__over(conemap__max(along, 0.0f), band->a), y = conemap__over(conemap__max(across, 0.0f), band->b);
-    int major = band->sector.major;
-    if (major != 0 && !conemap__texels_by_border(&band->map->info, i, i, j, j) &&
-        !conemap__border_cell(&band->map->info, conemap__mini(i, i + si), conemap__mini(j, j + sj))) {
-        float steep = (float)conemap__ascent2(major, (double)conemap__over(along, band->a),
-                                              (double)conemap__over(across, band->b), (double)band->a, (double)band->b);
-        return conemap__max(steep, major == 1 ? conemap__edge_slope2(along, opposite, band->b, band->a)
-                                              : conemap__edge_slope2(across, opposite, band->a, band->b));
-    }
-    return conemap__max(x * x + y * y, conemap__max(conemap__edge_slope2(along, opposite, band->b, band->a),
-                                                    conemap__edge_slope2(across, opposite, band->a, band->b)));
-}
-
-/* Step 4: the eye at the origin sees a patch whose corner k stands at (x + (k & 1) size_x, y + (k >> 1) size_y), h[k]
-   above it. The larger of `best` and a bound of the squared slope, in pieces where that is not tight. */
-static float conemap__patch_slope2(const conemap_map *map, const float *h, float x, float y, float size_x, float size_y,
-                                   float best) {
-    float v = 0.25f * (size_x * size_x + size_y * size_y), above = CONEMAP__FAR, top = 0.0f, bound = 0.0f;
-    float dx = conemap__max(conemap__max(x, -x - size_x), 0.0f), dy = conemap__max(conemap__max(y, -y - size_y), 0.0f);
-    float d2 = dx * dx + dy * dy;
-    int k;
-    for (k = 0; k < 4; ++k) top = conemap__max(top, h[k]);
-    if (top * top < above * d2) above = top * top / d2;
-    if (above <= best) return best;
-    if (d2 >= 2.0f * v) {
-        for (k = 0; k < 4; ++k)
-            if (h[k] > 0.0f) {
-                float cx = k & 1 ? x + size_x : x, cy = k & 2 ? y + size_y : y;
-                bound = conemap__max(bound, h[k] * h[k] / (cx * cx + cy * cy - v));
-            }
-        above = conemap__min(above, bound);
-        if (above <= best || v <= CONEMAP__TOLERANCE * d2) return conemap__max(above, best);
-    }
-    return conemap__kernels_of(map->isa)->patch(h, x, y, size_x, size_y, above, best);
-}
-
-/* Cell (i, j) and vertex (k, l): the vertex looks up at the cell (sign 1), or the cell at the vertex (-1). */
-static float conemap__cell_slope2(const conemap__band *band, int i, int j, int k, int l, float sign, float best) {
-    float apex = conemap__vertex(band->map, k, l), h[4];
-    int c;
-    for (c = 0; c < 4; ++c) h[c] = sign * (conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex);
-    return conemap__patch_slope2(band->map, h, (float)(i - k) * band->a, (float)(j - l) * band->b, band->a, band->b,
-                                 best);
-}
-
-/* Step 4's bound for a corner that rises dh, or 0 where it means nothing (conemap__close_pairs sees to those). */
-CONEMAP__INLINE float conemap__corner_bound(const conemap__band *band, float dh, int di, int dj) {
-    float x = (float)di * band->a, y = (float)dj * band->b, d2 = x * x + y * y - band->deflate;
-    return dh > 0.0f && d2 > 0.5f * band->deflate ? dh * dh / d2 : 0.0f;
-}
-
-CONEMAP__INLINE int conemap__touches(int i, int j, int k, int l) {
-    return k >= i && k <= i + 1 && l >= j && l <= j + 1;
-}
-
-/* Does another corner of cell (i, j) have a larger bound with vertex (k, l)? Then the cell is looked at for that
-   one. */
-static int conemap__outdone(const conemap__band *band, int i, int j, int k, int l, float sign, float bound) {
-    float apex = conemap__vertex(band->map, k, l);
-    int c;
-    for (c = 0; c < 4; ++c) {
-        int x = i + (c & 1), y = j + (c >> 1);
-        float dh = sign * (conemap__vertex(band->map, x, y) - apex);
-        if (conemap__corner_bound(band, dh, x - k, y - l) > bound) return 1;
-    }
-    return 0;
-}
-
-/* Cell (i, j) as it is seen from vertex v. */
-static void conemap__raise_seen_cell(const conemap__band *band, int i, int j, int vi, int vj, float least) {
-    float *at;
-    if (!conemap__has_cell(band, i, j)) return;
-    at = conemap__cell_at(band, i, j);
-    *at = conemap__max(*at, conemap__cell_slope2(band, i, j, vi, vj, -1.0f, conemap__max(least, *at)));
-}
-
-/* Step 5, near: vertices u and v, v the higher one. Looks at the cells of v from u, and at the cells of u from v.
-   `least` is what all that is raised has already. */
-static float conemap__near_pair(const conemap__band *band, int ui, int uj, int vi, int vj, float least, float best) {
-    float dh = conemap__vertex(band->map, vi, vj) - conemap__vertex(band->map, ui, uj);
-    float bound = conemap__corner_bound(band, dh, vi - ui, vj - uj);
-    float most = bound * (1.0f + 1.0f / 65536.0f); /* of what is behind the bound, rounding included */
-    int k, i, j;
-    for (k = 0; k < 4; ++k) {
-        i = vi - (k & 1);
-        j = vj - (k >> 1);
-        if (most > best && conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, ui, uj) &&
-            conemap__sees_cell(band->map, band->sector, i, j, ui, uj, 1.0f) &&
-            !conemap__outdone(band, i, j, ui, uj, 1.0f, bound))
-            best = conemap__cell_slope2(band, i, j, ui, uj, 1.0f, best);
-        i = ui - (k & 1);
-        j = uj - (k >> 1);
-        if (conemap__cell_exists(band->map, i, j) && !conemap__touches(i, j, vi, vj) &&
-            conemap__has_cell(band, i, j) && most > *conemap__cell_at(band, i, j) &&
-            conemap__sees_cell(band->map, band->sector, i, j, vi, vj, -1.0f) &&
-            !conemap__outdone(band, i, j, vi, vj, -1.0f, bound))
-            conemap__raise_seen_cell(band, i, j, vi, vj, least);
-    }
-    return best;
-}
-
-/* Step 5 for long texels: every patch that comes so close to a vertex that D^2 - V means little. */
-static float conemap__close_pairs(const conemap__band *band, int i, int j, float best) {
-    float near2 = 1.6f * band->deflate;
-    int di, dj, k;
-    for (dj = -band->close_v - 1; dj <= band->close_v; ++dj)
-        for (di = -band->close_u - 1; di <= band->close_u; ++di) {
-            float x = (float)conemap__maxi(0, conemap__maxi(di, -di - 1)) * band->a;
-            float y = (float)conemap__maxi(0, conemap__maxi(dj, -dj - 1)) * band->b, d2 = x * x + y * y;
-            if (d2 == 0.0f || d2 >= near2) continue;
-            /* a cell seen from this vertex */
-            if (conemap__cell_exists(band->map, i + di, j + dj) &&
-                conemap__sees_cell(band->map, band->sector, i + di, j + dj, i, j, 1.0f))
-                best = conemap__cell_slope2(band, i + di, j + dj, i, j, 1.0f, best);
-            /* the mirrored offset: this vertex's cells, seen from the vertex there */
-            for (k = 0; k < 4; ++k) {
-                int ci = i - (k & 1), cj = j - (k >> 1), vi = ci - di, vj = cj - dj;
-                if (!conemap__cell_exists(band->map, ci, cj)) continue;
-                if ((band->map->info.wrap_u != CONEMAP_WRAP && (vi < 0 || vi >= band->map->info.width)) ||
-                    (band->map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= band->map->info.height)))
-                    continue;
-                if (conemap__sees_cell(band->map, band->sector, ci, cj, vi, vj, -1.0f))
-                    conemap__raise_seen_cell(band, ci, cj, vi, vj, 0.0f);
-            }
-        }
-    return best;
-}
-
-/* The least slope that is known of everything that vertices x.. of row j can raise; `above` leaves row j + 1 out. */
-static void conemap__known(const conemap__band *band, int j, int x, int count, int above, float *out) {
-    const conemap_map *map = band->map;
-    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    float known[3][CONEMAP__RUN + 2];
-    const float *rows[13], *three[3];
-    int columns[13], r, n, wraps = map->info.wrap_u == CONEMAP_WRAP, low = j - 1, high = above ? j : j + 1;
-    if (map->info.texture.per_cell) high = j;
-    if (map->info.wrap_v != CONEMAP_WRAP) {
-        low = conemap__maxi(low, 0);
-        high = conemap__mini(high, map->info.height - 1);
-    }
-    for (r = low; r <= high; ++r) {
-        n = conemap__collect(map, band->sector.number, r, band->y0, band->y1, rows, columns);
-        if (n == 0) {
-            memset(known[r - low], 0, sizeof known[0]);
-            continue;
-        }
-        kernels->steepest_row(rows, columns, n, map->info.width, wraps, x - 1, count + 2, known[r - low]);
-    }
-    for (r = 0; r < 3; ++r) three[r] = known[conemap__mini(r, high - low)];
-    kernels->narrowest_row(three, count + 2, 0, 1, count, out);
-}
-
-/* Step 5, near, in all directions: the cells with a corner nearer than the root of near2, cut until step 4's bound is
-   tight. A corner of up to four pieces of the same V has one number for all. */
-static void conemap__find_sights(const conemap__band *band, float near2, conemap__sights *sights) {
+/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of up
+   to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see the
+   vertex (-1); the diagonal's are in both octants. */
+static void conemap__find_sights(const conemap__band *band, float near2, int sign, conemap__sights *sights) {
     const conemap_info *info = &band->map->info;
     double a = (double)band->a, b = (double)band->b;
     int reach_u = a > 0.0 ? (int)(sqrtf(near2) / band->a) + 1 : 0,
@@ -4063,7 +3747,9 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
         for (x = -reach_u - sights->step_x; x <= reach_u; ++x) {
             double dx = a * (double)conemap__maxi(conemap__maxi(x, -x - sights->step_x), 0);
             double dy = b * (double)conemap__maxi(conemap__maxi(y, -y - sights->step_y), 0), v = 0.25 * (a * a + b * b);
-            int columns = 1, rows = 1;
+            int columns = 1, rows = 1, su = sign * band->sector.su, sv = sign * band->sector.sv;
+            int ahead_u = conemap__ahead(x, su, sights->step_x), ahead_v = conemap__ahead(y, sv, sights->step_y);
+            if (su != 0 && (ahead_u < 0 || ahead_v < 0)) continue;
             if (dx * dx + dy * dy == 0.0 || dx * dx + dy * dy >= (double)near2 * (1.0 + 1.0 / 16384.0)) continue;
             while (v > (double)CONEMAP__TOLERANCE * (dx * dx + dy * dy)) {
                 if (a / columns >= b / rows)
@@ -4074,6 +3760,13 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
             }
             sights->x[sights->count] = x;
             sights->y[sights->count] = y;
+            sights->follows[sights->count] = sights->count > 0 && sights->step_x &&
+                                             sights->x[sights->count - 1] == x - 1 &&
+                                             sights->y[sights->count - 1] == y;
+            sights->reach = conemap__maxi(sights->reach, conemap__maxi(x, -x) + sights->step_x);
+            sights->by_border[sights->count] = band->sector.major == 1   ? ahead_u < ahead_v
+                                               : band->sector.major == 2 ? ahead_v < ahead_u
+                                                                         : 0;
             sights->columns[sights->count] = CONEMAP__FINEST / columns;
             sights->rows[sights->count] = CONEMAP__FINEST / rows;
             sights->first[sights->count] = used;
@@ -4092,84 +3785,18 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
 static void conemap__sights_rows(const conemap__band *band, const conemap__sights *sights, int of_cells) {
     const conemap_map *map = band->map;
     const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
-    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x;
-    int count = of_cells && !wraps ? conemap__maxi(w - 1, 1) : w;
+    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x, end, run;
     for (j = band->y0; j < band->y1; ++j) {
         float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w
             : plane;
         if (of_cells && !conemap__cell_exists(map, 0, j)) continue;
         for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
             rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, j + k);
-        for (x = 0; x < count; x += CONEMAP__RUN) {
-            int first = x, run = conemap__mini(CONEMAP__RUN, count - x);
-            if (conemap__cut_run(map, 0, &first, j, &run, CONEMAP__SEARCH))
-                conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
-                                                          of_cells ? plane : NULL, first, run, out + first);
-        }
-    }
-}
-
-/* The neighbours whose pairs are near ones, of at most so many rows above and below. */
-#define CONEMAP__NEAR 64
-typedef struct conemap__neighbours {
-    int count, x[CONEMAP__NEAR], y[CONEMAP__NEAR];
-    float inverse[CONEMAP__NEAR]; /* of D^2 - V, raised by more than rounding takes */
-} conemap__neighbours;
-
-static conemap__neighbours conemap__near_ones(const conemap__band *band, float near2) {
-    conemap__neighbours n;
-    int reach_u = band->a > 0.0f ? (int)(sqrtf(near2) / band->a) + 1 : 0;
-    int reach_v = band->b > 0.0f ? (int)(sqrtf(near2) / band->b) + 1 : 0, x, y;
-    n.count = 0;
-    for (y = -reach_v; y <= reach_v; ++y)
-        for (x = -reach_u; x <= reach_u; ++x) {
-            float dx = (float)x * band->a, dy = (float)y * band->b, d2 = dx * dx + dy * dy;
-            if (!(d2 < near2) || !(d2 - band->deflate > 0.5f * band->deflate) || n.count == CONEMAP__NEAR) continue;
-            n.x[n.count] = x;
-            n.y[n.count] = y;
-            n.inverse[n.count++] = 1.0f / ((d2 - band->deflate) * CONEMAP__MARGIN);
-        }
-    return n;
-}
-
-/* Step 5, near, for row j: all pairs whose bound is above what is known. `below` is the row under the band, whose
-   vertices concern its last cells. */
-static void conemap__near_row(const conemap__band *band, const conemap__neighbours *near_ones, int j, int below) {
-    const conemap_map *map = band->map;
-    float known[CONEMAP__RUN], bounds[CONEMAP__RUN];
-    const float *rows[CONEMAP__NEAR];
-    float inverse[CONEMAP__NEAR];
-    int columns[CONEMAP__NEAR], x, k, n, i, w = map->info.width;
-    for (x = 0; x < w; x += CONEMAP__RUN) {
-        int count = conemap__mini(CONEMAP__RUN, w - x);
-        conemap__known(band, j, x, count, below, known);
-        for (k = n = 0; k < near_ones->count; ++k) {
-            rows[n] = conemap__row_of(map, map->heights, j + near_ones->y[k]);
-            columns[n] = near_ones->x[k];
-            inverse[n] = near_ones->inverse[k];
-            n += rows[n] != NULL;
-        }
-        conemap__kernels_of(map->isa)->near_row(conemap__row_of(map, map->heights, j), rows, columns, inverse, n, w,
-                                                map->info.wrap_u == CONEMAP_WRAP, x, count, bounds);
-        for (i = 0; i < count; ++i) {
-            float apex, best = known[i], *at;
-            if (!(bounds[i] > known[i])) continue;
-            if (!conemap__is_wanted(map, band->sector.number, x + i, conemap__repeat(j, map->info.height),
-                                    CONEMAP__SEARCH)) continue;
-            at = below ? NULL : &band->plane[(size_t)j * (size_t)w + (size_t)(x + i)];
-            if (at) best = conemap__max(best, *at);
-            apex = conemap__vertex(map, x + i, j);
-            for (k = 0; k < near_ones->count; ++k) {
-                int vi = x + i + near_ones->x[k], vj = j + near_ones->y[k];
-                float dh;
-                if (map->info.wrap_u != CONEMAP_WRAP && (vi < 0 || vi >= w)) continue;
-                if (map->info.wrap_v != CONEMAP_WRAP && (vj < 0 || vj >= map->info.height)) continue;
-                dh = conemap__vertex(map, vi, vj) - apex;
-                if (dh > 0.0f && dh * dh * near_ones->inverse[k] > known[i])
-                    best = conemap__near_pair(band, x + i, j, vi, vj, known[i], best);
-            }
-            if (at) *at = conemap__max(*at, best);
-        }
+        conemap__columns(map, 0, j, &x, &end);
+        if (of_cells && !wraps) end = conemap__mini(end, conemap__maxi(w - 1, 1));
+        for (; (run = conemap__next_run(map, 0, &x, end, j, CONEMAP__SEARCH)) > 0; x += run)
+            conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
+                                                      of_cells ? plane : NULL, x, run, out + x);
     }
 }
 
@@ -4187,8 +3814,6 @@ static void conemap__near_row(const conemap__band *band, const conemap__neighbou
    bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
    |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
    falls: cells outside, whose corners repeat the border, see to that. */
-
-enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
 
 /* The directions in which some side of cell (i, j) falls; down is towards greater v. */
 static int conemap__falling(const conemap_map *map, int i, int j) {
@@ -4240,11 +3865,6 @@ CONEMAP__INLINE int conemap__limits(const conemap_map *map, int i, int j, int ui
 CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
 CONEMAP__INLINE int conemap__outer_count(int size, conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? size : size + 1; }
 
-CONEMAP__INLINE int conemap__outer_exists(const conemap_map *map, int i, int j) {
-    return (map->info.wrap_u == CONEMAP_WRAP || (i >= -1 && i < map->info.width)) &&
-           (map->info.wrap_v == CONEMAP_WRAP || (j >= -1 && j < map->info.height));
-}
-
 /* The highest corner of a cell that falls to the right or left (quadrant bit 0), or down or up (bit 1); else -1. */
 static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, int y) {
     int i = x + conemap__outer_first(map->info.wrap_u), j = y + conemap__outer_first(map->info.wrap_v);
@@ -4254,55 +3874,25 @@ static float conemap__falling_cell(const conemap_map *map, int quadrant, int x, 
     return conemap__highest(conemap__gather(map->heights, conemap__cell_quad(map, i, j)));
 }
 
-/* A far cell that limits: its corners, by step 4's bound. */
-static float conemap__far_cell(const conemap__band *band, int i, int j, int ui, int uj, float apex, float s) {
+/* A cell that limits: its far corners, by step 4's bound. */
+static float conemap__far_cell(const conemap__band *band, int i, int j, int ui, int uj, float near2, float s) {
+    float apex = conemap__height(band->map, ui, uj);
     int c;
     if (!conemap__limits(band->map, i, j, ui, uj)) return s;
     for (c = 0; c < 4; ++c) {
         float dh = conemap__vertex(band->map, i + (c & 1), j + (c >> 1)) - apex;
         float x = (float)(i + (c & 1) - ui) * band->a, y = (float)(j + (c >> 1) - uj) * band->b;
-        if (dh > 0.0f) s = conemap__max(s, dh * dh / (x * x + y * y - band->deflate));
+        float d2 = x * x + y * y - band->deflate;
+        if (dh > 0.0f && d2 >= near2 - band->deflate) s = conemap__max(s, dh * dh / d2);
     }
     return s;
 }
 
-/* Square of the distance from vertex (i, j) to the nearest corner of cells low..high. */
-CONEMAP__INLINE float conemap__cells_near2(const conemap__band *band, int low_i, int high_i, int low_j, int high_j,
-                                           int i, int j) {
-    float x = (float)conemap__maxi(0, conemap__maxi(low_i - i, i - (high_i + 1))) * band->a;
-    float y = (float)conemap__maxi(0, conemap__maxi(low_j - j, j - (high_j + 1))) * band->b;
-    return x * x + y * y;
-}
-
-/* The cells near vertex (i, j): seen from it, and the cells at the vertex seen from theirs. */
-static float conemap__relaxed_near(const conemap__band *band, int i, int j, float near2, float least, float best) {
-    const conemap_map *map = band->map;
-    int reach_u = band->a > 0.0f ? (int)(sqrtf(near2) / band->a) + 2 : 1;
-    int reach_v = band->b > 0.0f ? (int)(sqrtf(near2) / band->b) + 2 : 1, x, y, k, c;
-    for (y = j - 1 - reach_v; y <= j + reach_v; ++y)
-        for (x = i - 1 - reach_u; x <= i + reach_u; ++x) {
-            if (!conemap__outer_exists(map, x, y) || !(conemap__cells_near2(band, x, x, y, y, i, j) < near2)) continue;
-            if (!conemap__limits(map, x, y, i, j)) continue;
-            if (conemap__touches(x, y, i, j)) {
-                best = conemap__max(best, conemap__corner_slope2(band, i, j, x < i ? -1 : 1, y < j ? -1 : 1));
-                continue;
-            }
-            best = conemap__cell_slope2(band, x, y, i, j, 1.0f, best);
-            for (k = 0; k < 4; ++k) {
-                int p = i - (k & 1), q = j - (k >> 1);
-                if (!conemap__cell_exists(map, p, q)) continue;
-                for (c = 0; c < 4; ++c)
-                    if (!conemap__touches(p, q, x + (c & 1), y + (c >> 1)))
-                        conemap__raise_seen_cell(band, p, q, x + (c & 1), y + (c >> 1), least);
-            }
-        }
-    return best;
-}
-
-/* The far cells by rings of growing radius, until not even a height of 1 could limit: the reference. */
+/* The far corners by rings of cells of growing radius, until not even a height of 1 could limit: the reference for the
+   search. */
 static float conemap__relaxed_ring(const conemap__band *band, int i, int j, float near2, float s) {
     const conemap_map *map = band->map;
-    float apex = conemap__height(map, i, j), room = 1.0f - apex;
+    float room = 1.0f - conemap__height(map, i, j);
     int wrap_u = map->info.wrap_u == CONEMAP_WRAP, wrap_v = map->info.wrap_v == CONEMAP_WRAP;
     int w = map->info.width, h = map->info.height, r, x, y;
     int low_i = wrap_u ? -w : -1, high_i = wrap_u ? 2 * w - 1 : w - 1;
@@ -4316,90 +3906,12 @@ static float conemap__relaxed_ring(const conemap__band *band, int i, int j, floa
             int whole = y == j - 1 - r || y == j + r;
             if (y < low_j || y > high_j) continue;
             for (x = i - 1 - r; x <= i + r; x += whole ? 1 : 2 * r + 1) {
-                if (x < low_i || x > high_i || conemap__cells_near2(band, x, x, y, y, i, j) < near2) continue;
-                s = conemap__far_cell(band, x, y, i, j, apex, s);
+                if (x < low_i || x > high_i) continue;
+                s = conemap__far_cell(band, x, y, i, j, near2, s);
             }
         }
     }
     return s;
-}
-
-/* The same by branch and bound over four pyramids, one for each pair of directions, of the cells that fall in one of
-   the two. */
-static float conemap__relaxed_search(const conemap__band *band, int i, int j, float near2, float s) {
-    const conemap_map *map = band->map;
-    const conemap_pyramid *pyramids = map->build.falling;
-    int wrap_u = map->info.wrap_u == CONEMAP_WRAP, wrap_v = map->info.wrap_v == CONEMAP_WRAP, a, b;
-    float apex = conemap__height(map, i, j);
-    conemap__candidate stack[3 * 17 + 4];
-    for (b = -wrap_v; b <= wrap_v; ++b)
-        for (a = -wrap_u; a <= wrap_u; ++a) {
-            int first_i = conemap__outer_first(map->info.wrap_u) + a * map->info.width;
-            int first_j = conemap__outer_first(map->info.wrap_v) + b * map->info.height, count = 1;
-            stack[0].x = stack[0].y = 0;
-            stack[0].k = pyramids[0].levels;
-            stack[0].dh2 = 1.0f;
-            stack[0].d2 = 0.0f;
-            while (count > 0) {
-                conemap__candidate node = stack[--count];
-                int c, k = node.k - 1;
-                if (!(node.dh2 > s * node.d2 * CONEMAP__MARGIN)) continue;
-                for (c = 3; c >= 0; --c) {
-                    int x = 2 * node.x + (c & 1), y = 2 * node.y + (c >> 1), q, flown;
-                    int low_i, high_i, low_j, high_j;
-                    float highest = -1.0f, dh, d2;
-                    if (x >= pyramids[0].width[k] || y >= pyramids[0].height[k]) continue;
-                    low_i = first_i + x * (1 << k);
-                    high_i = first_i + conemap__mini((x + 1) * (1 << k), pyramids[0].width[0]) - 1;
-                    low_j = first_j + y * (1 << k);
-                    high_j = first_j + conemap__mini((y + 1) * (1 << k), pyramids[0].height[0]) - 1;
-                    flown = conemap__flown(low_i, high_i, low_j, high_j, i, j);
-                    for (q = 0; q < 4; ++q)
-                        if ((flown & (q & 1 ? CONEMAP__FALLS_LEFT : CONEMAP__FALLS_RIGHT)) &&
-                            (flown & (q & 2 ? CONEMAP__FALLS_UP : CONEMAP__FALLS_DOWN)))
-                            highest = conemap__max(highest, conemap__children(&pyramids[q], k, node.x, node.y)[c]);
-                    dh = highest - apex;
-                    d2 = conemap__cells_near2(band, low_i, high_i, low_j, high_j, i, j) - band->deflate;
-                    if (!(dh > 0.0f) || !(dh * dh > s * d2 * CONEMAP__MARGIN)) continue;
-                    if (k > 0) {
-                        stack[count].x = x;
-                        stack[count].y = y;
-                        stack[count].k = k;
-                        stack[count].dh2 = dh * dh;
-                        stack[count].d2 = d2;
-                        ++count;
-                    } else if (d2 + band->deflate >= near2) {
-                        s = conemap__far_cell(band, low_i, low_j, i, j, apex, s);
-                    }
-                }
-            }
-        }
-    return s;
-}
-
-/* Inside and around cell (i, j): see the section's comment. */
-static float conemap__relaxed_own(const conemap__band *band, int i, int j) {
-    const conemap_map *map = band->map;
-    float bend = conemap__vertex(map, i + 1, j + 1) - conemap__vertex(map, i, j + 1) -
-                 (conemap__vertex(map, i + 1, j) - conemap__vertex(map, i, j));
-    float own = band->a > 0.0f && band->b > 0.0f ? bend * bend / (band->a * band->a + band->b * band->b) : 0.0f;
-    int x, y;
-    for (y = -1; y <= 1; ++y)
-        for (x = -1; x <= 1; ++x)
-            if ((x || y) && conemap__falls_seen(map, i + x, j + y, x - 1, x + 1, y - 1, y + 1))
-                return conemap__max(own, conemap__own_slope2(band, i, j));
-    return own;
-}
-
-/* `below`: the row under the band, whose vertices concern its last cells. */
-static void conemap__relaxed_vertex(const conemap__band *band, int i, int j, float near2, int below) {
-    const conemap_map *map = band->map;
-    float least = map->build.least_slope2 * (1.0f - 1.0f / 16384.0f), best;
-    best = conemap__relaxed_near(band, i, j, near2, least, least);
-    if (below) return;
-    map->build.plane[(size_t)j * (size_t)map->info.width + (size_t)i] =
-        map->info.generator == CONEMAP_RELAXED_EXACT ? conemap__relaxed_search(band, i, j, near2, best)
-                                                     : conemap__relaxed_ring(band, i, j, near2, best);
 }
 
 /* ======================================================================================================
@@ -4760,6 +4272,18 @@ CONEMAP__INLINE int conemap__is_wanted(const conemap_map *map, int sector, int x
                                                     (size_t)y * (size_t)map->info.width + (size_t)x] & what);
 }
 
+static void conemap__columns(const conemap_map *map, int sector, int y, int *x0, int *x1) {
+    int w = map->info.width;
+    const int *columns = map->build.wanted_columns;
+    *x0 = 0;
+    *x1 = w;
+    if (!map->build.wanted) return;
+    columns += 2 * (sector * conemap__bands(map->info.height) + y / CONEMAP__BAND);
+    if (map->info.wrap_u == CONEMAP_WRAP && (columns[0] == 0 || columns[1] == w - 1)) return;
+    *x0 = conemap__maxi(columns[0] - 1, 0); /* cells need the vertices beside them */
+    *x1 = conemap__mini(columns[1] + 2, w);
+}
+
 /* The jobs of a sector's cones: one sector after the other. */
 
 /* Tells the host how far the build is: almost all of the work is in the cones. */
@@ -4791,29 +4315,33 @@ static conemap_result conemap__cone_rows(conemap_map *map, int y0, int y1) {
 /* Searches the tiles of rows y0 to y1, tile rows whole; the plane of slopes holds what is known. */
 static conemap_result conemap__search_rows(const conemap_map *map, conemap__search *search, int y0, int y1,
                                            float *slopes) {
-    int x, y, w = map->info.width;
-    for (y = y0; y < y1; y += CONEMAP__TILE)
-        for (x = 0; x < w; x += CONEMAP__TILE) {
+    int x, y, end, w = map->info.width;
+    for (y = y0; y < y1; y += CONEMAP__TILE) {
+        conemap__columns(map, search->sector.number, y, &x, &end);
+        for (x -= x % CONEMAP__TILE; x < end; x += CONEMAP__TILE) {
             conemap__search_tile(map, search, x, y, slopes);
             if (x % 512 == 512 - CONEMAP__TILE || x + CONEMAP__TILE >= w) {
                 conemap_result result = conemap__report(
-                    map, CONEMAP__PASS_CONES, 0,
+                    map, CONEMAP__PASS_CONES, search->sector.number,
                     (double)y + (double)conemap__mini(CONEMAP__TILE, y1 - y) *
                     (double)(x + 1) / (double)(w + CONEMAP__TILE));
                 if (result != CONEMAP_OK) return result;
             }
         }
+    }
     return CONEMAP_OK;
 }
 
 /* Squared slopes become cones where they are. */
-static void conemap__tangent_rows(const conemap_map *map, float *plane, int y0, int y1) {
-    int y;
+static void conemap__tangent_rows(const conemap_map *map, int sector, float *plane, int y0, int y1) {
+    int x, y, end;
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)map->info.width;
-        const float *slopes = row;
-        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan,
-                                                   map->info.width, row);
+        const float *slopes;
+        conemap__columns(map, sector, y, &x, &end);
+        slopes = row + x;
+        conemap__kernels_of(map->isa)->tangent_row(&slopes, 1, CONEMAP__TANGENT_MARGIN, map->info.max_tan, end - x,
+                                                   row + x);
     }
 }
 
@@ -4851,31 +4379,7 @@ static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1
             if (result != CONEMAP_OK) return result;
         }
     }
-    conemap__tangent_rows(map, map->build.plane, y0, y1);
-    return CONEMAP_OK;
-}
-
-/* The same for one sector, texel by texel. */
-static conemap_result conemap__sector_rows(const conemap_map *map, const conemap__search *common, int sector, int y0,
-                                           int y1, float *slopes) {
-    conemap__sector_search search;
-    int x, y, w = map->info.width;
-    memset(&search, 0, sizeof search);
-    search.common = *common;
-    search.sector = conemap__make_sector(&map->info, sector);
-    search.room = map->build.cell_slopes != NULL;
-    search.best_j = y0;
-    for (y = y0; y < y1; ++y)
-        for (x = 0; x < w; ++x) {
-            float *at = &slopes[(size_t)y * (size_t)w + (size_t)x];
-            if (conemap__is_wanted(map, sector, x, y, CONEMAP__SEARCH))
-                *at = conemap__search_sector(map, &search, x, y, *at);
-            if (x % 256 == 255 || x == w - 1) {
-                conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, sector, (double)y + (double)(x + 1) / (double)w);
-                if (result != CONEMAP_OK) return result;
-            }
-        }
+    conemap__tangent_rows(map, 0, map->build.plane, y0, y1);
     return CONEMAP_OK;
 }
 
@@ -4883,19 +4387,20 @@ static conemap_result conemap__exact_rows(const conemap_map *map, int sector, in
     conemap__search search = conemap__make_search(map);
     float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
     conemap_result result;
-    int x, y, k, w = map->info.width;
+    int x, y, k, end, w = map->info.width;
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
-        for (x = 0; map->info.texture.sectors > 1 && x < w; ++x) row[x] = map->build.least_slope2;
+        conemap__columns(map, sector, y, &x, &end);
         if (map->info.texture.sectors <= 1)
             conemap__kernels_of(map->isa)->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b,
-                                                    map->build.least_slope2, row);
+                                                    map->build.least_slope2, x, end - x, row + x);
+        for (; map->info.texture.sectors > 1 && x < end; ++x) row[x] = map->build.least_slope2;
     }
-    result = map->info.texture.sectors > 1 ? conemap__sector_rows(map, &search, sector, y0, y1, plane)
-                                           : conemap__search_rows(map, &search, y0, y1, plane);
-    conemap__tangent_rows(map, plane, y0, y1);
+    search.sector = conemap__make_sector(&map->info, sector);
+    result = conemap__search_rows(map, &search, y0, y1, plane);
+    conemap__tangent_rows(map, sector, plane, y0, y1);
     return result;
 }
 
@@ -4913,10 +4418,6 @@ static conemap__band conemap__make_band(const conemap_map *map, int job) {
     band.a = a;
     band.b = b;
     band.deflate = 0.25f * (a * a + b * b);
-    if (a > 0.0f && b > 0.0f && 1.55f * band.deflate > conemap__min(a, b) * conemap__min(a, b)) {
-        band.close_u = (int)(sqrtf(1.6f * band.deflate) / a) + 1;
-        band.close_v = (int)(sqrtf(1.6f * band.deflate) / b) + 1;
-    }
     return band;
 }
 
@@ -4926,107 +4427,101 @@ CONEMAP__INLINE float conemap__safe_margin(const conemap_map *map) {
     return map->info.texture.sectors > 1 ? 1.0f / 1024.0f : 1.0f / 65536.0f;
 }
 
-/* Own cells and own corners in a sector. */
-static void conemap__sector_start(const conemap__band *band, float least) {
-    const conemap_map *map = band->map;
-    int x, y, k, w = map->info.width;
-    size_t row = (size_t)band->y0 * (size_t)w;
-    memset(band->cell_slopes + row, 0, (size_t)(band->y1 - band->y0) * (size_t)w * sizeof(float));
-    for (y = band->y0 - 1; y <= band->y1; ++y)
-        for (x = -1; x < w; ++x)
-            if (conemap__cell_exists(map, x, y) && conemap__has_cell(band, x, y))
-                conemap__raise_cell(band, x, y, conemap__own_slope2(band, x, y));
-    for (y = band->y0; y < band->y1; ++y)
-        for (x = 0; x < w; ++x) {
-            float best = least;
-            for (k = 0; k < 4; ++k) {
-                int si = k & 1 ? 1 : -1, sj = k & 2 ? 1 : -1;
-                if (si * band->sector.su < 0 || sj * band->sector.sv < 0) continue;
-                if (conemap__cell_exists(map, conemap__mini(x, x + si), conemap__mini(y, y + sj)))
-                    best = conemap__max(best, conemap__corner_slope2(band, x, y, si, sj));
-            }
-            band->plane[(size_t)y * (size_t)w + (size_t)x] = best;
-        }
-}
-
 /* Own cells and own corners, in all directions. */
 static void conemap__safe_start(const conemap__band *band, float least) {
     const conemap_map *map = band->map;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    int y, k, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
+    int x, y, k, end, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     for (y = band->y0; y < band->y1; ++y) {
-        size_t row = (size_t)y * (size_t)w;
+        size_t at = (size_t)y * (size_t)w;
         const float *rows[3];
         for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
-        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b,
-                              band->cell_slopes + row);
-        kernels->corners_row(rows, w, wraps, band->a, band->b, least, band->plane + row);
+        conemap__columns(map, 0, y, &x, &end);
+        at += (size_t)x;
+        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b, x, end - x,
+                              band->cell_slopes + at);
+        kernels->corners_row(rows, w, wraps, band->a, band->b, least, x, end - x, band->plane + at);
     }
 }
 
-/* For long texels, close pairs. */
-static void conemap__safe_close(const conemap__band *band, float least) {
+/* The cells of row j that have their place in the band, seen in a sector or where they fall. */
+static void conemap__cells_row(const conemap__outlook *outlook, const conemap__band *band, int j) {
     const conemap_map *map = band->map;
-    int x, y, w = map->info.width;
-    for (y = band->y0; (band->close_u || band->close_v) && y <= band->y1; ++y)
-        for (x = 0; x < w; ++x) {
-            int j = conemap__texel_index(y, map->info.height, map->info.wrap_v);
-            float *at = &band->plane[(size_t)j * (size_t)w + (size_t)x], best;
-            if (y == map->info.height && map->info.wrap_v != CONEMAP_WRAP) break;
-            if (!conemap__is_wanted(map, band->sector.number, x, j, CONEMAP__SEARCH)) continue;
-            best = conemap__close_pairs(band, x, y, least);
-            if (y < band->y1) *at = conemap__max(*at, best);
+    const conemap_info *info = &map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    int place = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell), w = info->width, x;
+    int count, end, run;
+    float *known = band->plane + (size_t)place * (size_t)w, *out = band->cell_slopes + (size_t)place * (size_t)w;
+    if (place < band->y0 || place >= band->y1 || !conemap__cell_exists(map, 0, j)) return;
+    count = info->wrap_u != CONEMAP_WRAP && (info->texture.per_cell || outlook->relaxed) ? conemap__maxi(w - 1, 1) : w;
+    conemap__columns(map, band->sector.number, place, &x, &end);
+    end = conemap__mini(end, count);
+    for (; (run = conemap__next_run(map, band->sector.number, &x, end, place, CONEMAP__SEARCH)) > 0; x += run)
+        kernels->cells_row(outlook, j, known, x, run, out + x);
+    /* those that have their place elsewhere */
+    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP) kernels->cells_row(outlook, j, known, -1, 1, out);
+    if (conemap__cell_exists(map, w - 1, j) && count < w)
+        kernels->cells_row(outlook, j, known, w - 1, 1, out + count - 1);
+}
+
+/* Relaxed cones, or those of a sector. */
+static conemap_result conemap__part_band(const conemap__band *band, conemap__search *search, float least) {
+    const conemap_map *map = band->map;
+    conemap__sights sights;
+    conemap__outlook outlook;
+    conemap_result result = CONEMAP_OK;
+    int x, y, end, run, w = map->info.width;
+    size_t row = (size_t)band->y0 * (size_t)w, bytes = (size_t)(band->y1 - band->y0) * (size_t)w * sizeof(float);
+    outlook.map = map;
+    outlook.sights = &sights;
+    outlook.sector = band->sector;
+    outlook.a = band->a;
+    outlook.b = band->b;
+    outlook.relaxed = search->relaxed;
+    memset(band->plane + row, 0, bytes);
+    memset(band->cell_slopes + row, 0, bytes);
+    conemap__find_sights(band, search->near2, 1, &sights);
+    for (y = band->y0; y < band->y1; ++y) {
+        conemap__columns(map, band->sector.number, y, &x, &end);
+        for (; (run = conemap__next_run(map, band->sector.number, &x, end, y, CONEMAP__SEARCH)) > 0; x += run)
+            conemap__kernels_of(map->isa)->vertices_row(&outlook, y, least, x, run,
+                                                        band->plane + (size_t)y * (size_t)w + (size_t)x);
+    }
+    if (map->info.generator != CONEMAP_RELAXED_EXACT_RING)
+        result = conemap__search_rows(map, search, band->y0, band->y1, band->plane);
+    for (y = band->y0; map->info.generator == CONEMAP_RELAXED_EXACT_RING && y < band->y1; ++y)
+        for (x = 0; result == CONEMAP_OK && x < w; ++x) {
+            float *at = band->plane + (size_t)y * (size_t)w + (size_t)x;
+            *at = conemap__relaxed_ring(band, x, y, search->near2, *at);
+            if (x % 256 == 255 || x == w - 1)
+                result = conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
         }
+    conemap__find_sights(band, search->near2, -1, &sights);
+    for (y = band->y0 - 1; result == CONEMAP_OK && y <= band->y1; ++y) conemap__cells_row(&outlook, band, y);
+    return result;
 }
 
 static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
     conemap__search search = conemap__make_search(map);
-    conemap__neighbours near_ones;
     conemap__sights sights;
     conemap_result result;
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan
                                                                                           whole */
-    int y;
     search.deflate = band.deflate;
     search.near2 = band.deflate / CONEMAP__TOLERANCE * (1.0f - 1.0f / 4096.0f);
-    if (band.sector.su != 0) {
-        near_ones = conemap__near_ones(&band, search.near2);
-        conemap__sector_start(&band, least);
-        conemap__safe_close(&band, least);
-    } else {
-        conemap__find_sights(&band, search.near2, &sights);
-        conemap__safe_start(&band, least);
-        conemap__sights_rows(&band, &sights, 0);
-        result = conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
-        if (result == CONEMAP_OK) conemap__sights_rows(&band, &sights, 1);
-        return result;
-    }
-    result = conemap__sector_rows(map, &search, band.sector.number, band.y0, band.y1, band.plane);
-    for (y = band.y0; result == CONEMAP_OK && y <= band.y1; ++y)
-        if (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP)
-            conemap__near_row(&band, &near_ones, y, y == band.y1);
+    search.sector = band.sector;
+    search.room = 1;
+    search.relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
+    if (search.relaxed) search.widen2 = 1.0f;
+    if (band.sector.su != 0 || search.relaxed) return conemap__part_band(&band, &search, least);
+    conemap__find_sights(&band, search.near2, 1, &sights);
+    conemap__safe_start(&band, least);
+    result = conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
+    if (result != CONEMAP_OK) return result;
+    conemap__sights_rows(&band, &sights, 0); /* most of what is near has no say after the search */
+    conemap__sights_rows(&band, &sights, 1);
     return result;
-}
-
-static conemap_result conemap__relaxed_band(const conemap_map *map, int job) {
-    conemap__band band = conemap__make_band(map, job);
-    float near2 = band.deflate / CONEMAP__TOLERANCE;
-    int x, y, w = map->info.width;
-    for (y = band.y0; y < band.y1; ++y)
-        for (x = 0; x < w; ++x)
-            map->build.cell_slopes[(size_t)y * (size_t)w + (size_t)x] =
-                conemap__cell_exists(map, x, y) ? conemap__relaxed_own(&band, x, y) : 0.0f;
-    for (y = band.y0; y <= band.y1; ++y)
-        for (x = 0; x < w && (y < map->info.height || map->info.wrap_v == CONEMAP_WRAP); ++x) {
-            conemap__relaxed_vertex(&band, x, y, near2, y == band.y1);
-            if (x % 256 == 255 || x == w - 1) {
-                conemap_result result =
-                    conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
-                if (result != CONEMAP_OK) return result;
-            }
-        }
-    return CONEMAP_OK;
 }
 
 /* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
@@ -5049,7 +4544,6 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
     float tangents[CONEMAP__RUN], cones[CONEMAP__RUN];
     size_t w = (size_t)map->info.width, at, first = (size_t)sector * conemap__texels(map);
     int k;
-    if (!conemap__cut_run(map, sector, &x, y, &count, CONEMAP__STORE)) return;
     at = (size_t)y * w + (size_t)x;
     if (map->build.cell_slopes) {
         conemap__safe_tangents(map, sector, x, y, count, tangents);
@@ -5063,56 +4557,60 @@ static void conemap__store_run(conemap_map *map, int sector, int x, int y, int c
         memcpy(tangents, map->build.plane + first + at, (size_t)count * sizeof(float));
     }
     kernels->store_row(&map->info, map->heights + at, tangents, count, cones);
-    for (k = 0; k < count; ++k)
-        if (conemap__is_wanted(map, sector, x + k, y, CONEMAP__STORE))
-            map->build.cones[first + at + (size_t)k] = cones[k];
+    memcpy(map->build.cones + first + at, cones, (size_t)count * sizeof(float));
 }
 
 static void conemap__store_rows(conemap_map *map, int sector, int y0, int y1) {
-    int x, y;
-    for (y = y0; y < y1; ++y)
-        for (x = 0; x < map->info.width; x += CONEMAP__RUN)
-            conemap__store_run(map, sector, x, y, conemap__mini(CONEMAP__RUN, map->info.width - x));
+    int x, y, end, run;
+    for (y = y0; y < y1; ++y) {
+        conemap__columns(map, sector, y, &x, &end);
+        for (; (run = conemap__next_run(map, sector, &x, end, y, CONEMAP__STORE)) > 0; x += run)
+            conemap__store_run(map, sector, x, y, run);
+    }
 }
 
-/* A lower bound of a texel's squared slope, from its stored cone, which rounding made narrower by less than a step. */
-static float conemap__slope_floor(const conemap_map *map, const float *cones, size_t at) {
-    const conemap_texture *texture = &map->info.texture;
-    uint32_t code = conemap__code_near(texture->format, cones[at]);
-    float next = conemap__value(texture->format, code + 2), tangent;
-    if (texture->format != CONEMAP_F32 && texture->format != CONEMAP_F16 && next > 1.0f) next = map->info.max_tan;
-    tangent = conemap__finite(next) ? conemap__decode_tan(&map->info, map->heights[at], next) : map->info.max_tan;
-    /* near the top a radius says nothing */
-    if (texture->encoding == CONEMAP_RADIUS && map->heights[at] > 0.999f) tangent = map->info.max_tan;
-    tangent = conemap__min(tangent, map->info.max_tan);
-    return tangent > 0.0f ? 1.0f / (tangent * tangent) * (1.0f - 1.0f / 8192.0f) : 0.0f;
-}
-
-/* A sector's survey of a block: its lowest height, and the least that its texels' squared slopes can be. */
+/* A sector's survey of a block: the least height h that its texels' cones are searched from, with the bilinear
+   guarantee those of the 3x3 around each; and the least squared slope that something must have, seen from h, to narrow
+   one of them. A cone of squared slope s that is searched from higher up, from h', is narrowed by what seen from h is
+   steeper than s (1 - h)^2 / (1 - h')^2, for nothing is higher than 1. */
 CONEMAP__INLINE float *conemap__surveyed(const conemap_map *map, int sector, int block_u, int block_v) {
     size_t bands_u = (size_t)conemap__bands(map->info.width), bands_v = (size_t)conemap__bands(map->info.height);
     return map->build.survey + 2 * (((size_t)sector * bands_v + (size_t)block_v) * bands_u + (size_t)block_u);
 }
 
-/* Surveys the blocks of a row of them, or of these the ones that an update has changed. */
-static void conemap__survey_band(const conemap_map *map, int sector, int band) {
-    const float *cones = map->cones + (size_t)sector * conemap__texels(map);
-    int w = map->info.width, y1 = conemap__mini((band + 1) * CONEMAP__BAND, map->info.height), block, x, y;
-    for (block = 0; block < conemap__bands(w); ++block) {
-        float *survey = conemap__surveyed(map, sector, block, band);
-        int x1 = conemap__mini((block + 1) * CONEMAP__BAND, w), wanted = 0;
-        for (y = band * CONEMAP__BAND; y < y1; ++y)
-            for (x = block * CONEMAP__BAND; x < x1; ++x)
-                wanted |= conemap__is_wanted(map, sector, x, y, CONEMAP__STORE);
-        if (!wanted) continue;
-        survey[0] = survey[1] = CONEMAP__FAR;
-        for (y = band * CONEMAP__BAND; y < y1; ++y)
-            for (x = block * CONEMAP__BAND; x < x1; ++x) {
-                size_t at = (size_t)y * (size_t)w + (size_t)x;
-                survey[0] = conemap__min(survey[0], map->heights[at]);
-                survey[1] = conemap__min(survey[1], conemap__slope_floor(map, cones, at));
-            }
+static void conemap__survey_block(const conemap_map *map, int sector, int block_u, int block_v) {
+    const conemap_info *info = &map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *cones = map->cones + (size_t)sector * conemap__texels(map), *rows[3];
+    float *survey = conemap__surveyed(map, sector, block_u, block_v);
+    float lowest[CONEMAP__BAND * CONEMAP__BAND], floors[CONEMAP__BAND * CONEMAP__BAND];
+    int x0 = block_u * CONEMAP__BAND, width = conemap__mini(CONEMAP__BAND, info->width - x0), y, k, count = 0;
+    survey[0] = survey[1] = CONEMAP__FAR;
+    for (y = block_v * CONEMAP__BAND; y < conemap__mini((block_v + 1) * CONEMAP__BAND, info->height); ++y) {
+        size_t at = (size_t)y * (size_t)info->width + (size_t)x0;
+        kernels->floor_row(info, map->heights + at, cones + at, width, floors + count);
+        for (k = 0; k < 3; ++k)
+            rows[k] = map->heights +
+                      (size_t)conemap__texel_index(y + k - 1, info->height, info->wrap_v) * (size_t)info->width;
+        if (conemap__is_bilinear(info))
+            kernels->narrowest_row(rows, info->width, info->wrap_u == CONEMAP_WRAP, x0, width, lowest + count);
+        else
+            memcpy(lowest + count, map->heights + at, (size_t)width * sizeof(float));
+        count += width;
     }
+    for (k = 0; k < count; ++k) survey[0] = conemap__min(survey[0], lowest[k]);
+    for (k = 0; k < count; ++k) {
+        float up = (1.0f - survey[0]) / conemap__max(1.0f - lowest[k], 1.0e-10f);
+        survey[1] = conemap__min(survey[1], floors[k] * conemap__min(up * up, 1.0e6f) * CONEMAP__MARGIN);
+    }
+}
+
+/* Surveys the blocks of a row of them, or of these the ones that passes go through. */
+static void conemap__survey_band(const conemap_map *map, int sector, int band) {
+    int x, end, block;
+    conemap__columns(map, sector, band * CONEMAP__BAND, &x, &end);
+    for (block = x / CONEMAP__BAND; block < conemap__bands(end); ++block)
+        conemap__survey_block(map, sector, block, band);
 }
 
 /* Where a pass keeps the results of its jobs: 0 is not run, else 1 + result. */
@@ -5146,8 +4644,7 @@ CONEMAP__DEF conemap_result conemap_run_job(conemap_map *map, int pass, int job)
         break;
     case CONEMAP__PASS_CONES:
         y1 = conemap__mini(y0 + CONEMAP__BAND, h);
-        result = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR ? conemap__relaxed_band(map, job)
-                 : map->build.cell_slopes                    ? conemap__safe_band(map, job)
+        result = map->build.cell_slopes                    ? conemap__safe_band(map, job)
                  : map->info.generator == CONEMAP_EXACT      ? conemap__exact_rows(map, sector, y0, y1)
                  : conemap__needs_pyramid(map->info.generator) ? conemap__quick_rows(map, y0, y1)
                                                              : conemap__cone_rows(map, y0, y1);
@@ -5256,27 +4753,51 @@ static int conemap__axis_distance(int first, int last, int low, int high, int si
     return d;
 }
 
-/* An edit of rectangle (x, y, width, height), in which nothing was or is higher than `highest`. */
+/* An edit. What has changed lies in rectangle (x, y, width, height), and nothing of that was or is higher than
+   `highest`. */
 typedef struct conemap__edit {
     const conemap_map *map;
-    int x, y, width, height;
+    int x, y, width, height, near_u, near_v; /* texels up to which it is searched anew around the rectangle */
     float highest, near2, deflate;
     conemap__sector sector;        /* an octant is treated as its quadrant */
-    unsigned char *wanted, *bands; /* marks for each cone; nonzero for each band of rows that has some */
+    unsigned char *wanted;         /* marks for each cone */
+    unsigned char *reached;        /* for each block, see conemap__visit_blocks */
+    int *columns;                  /* as map->build.wanted_columns; -1, or CONEMAP__DIRTY, as a last one: none */
+    conemap_map raised;            /* a map of what was raised */
 } conemap__edit;
 
+#define CONEMAP__DIRTY (-2) /* the band's marks are not cleared yet */
 
-static void conemap__mark_around(const conemap__edit *edit, int i, int j, int reach, unsigned char mark) {
+/* Marks texels x0..x1, y0..y1, which may lie beyond the map's borders. */
+static void conemap__want(const conemap__edit *edit, int x0, int x1, int y0, int y1, unsigned char mark) {
     const conemap_info *info = &edit->map->info;
     unsigned char *wanted = edit->wanted + (size_t)edit->sector.number * conemap__texels(edit->map);
-    int x, y;
-    for (y = j - reach; y <= j + reach; ++y)
-        for (x = i - reach; x <= i + reach; ++x) {
-            int row = conemap__texel_index(y, info->height, info->wrap_v);
-            edit->bands[edit->sector.number * conemap__bands(info->height) + row / CONEMAP__BAND] = 1;
-            wanted[(size_t)row * (size_t)info->width + (size_t)conemap__texel_index(x, info->width, info->wrap_u)] |=
-                mark;
+    int x, y, k, bands = conemap__bands(info->height);
+    for (y = y0; y <= y1; ++y) {
+        size_t w = (size_t)info->width, row = (size_t)conemap__texel_index(y, info->height, info->wrap_v);
+        int band = (int)row / CONEMAP__BAND, *columns = edit->columns + 2 * (edit->sector.number * bands + band);
+        for (k = 0; k < 2; ++k) { /* passes look at the row below a band, too */
+            int at = (band + k) % bands, *its = edit->columns + 2 * (edit->sector.number * bands + at);
+            int rows = conemap__mini(CONEMAP__BAND, info->height - at * CONEMAP__BAND);
+            if (its[1] != CONEMAP__DIRTY) continue;
+            memset(wanted + (size_t)at * CONEMAP__BAND * w, 0, (size_t)rows * w);
+            its[1] = -1;
         }
+        for (x = x0; x <= x1; ++x) {
+            int column = conemap__texel_index(x, info->width, info->wrap_u);
+            wanted[row * w + (size_t)column] |= mark;
+            columns[0] = columns[1] < 0 ? column : conemap__mini(columns[0], column);
+            columns[1] = conemap__maxi(columns[1], column);
+        }
+    }
+}
+
+/* With the bilinear guarantee a search serves its 3x3 texels: wants what texels x0..x1, y0..y1 serve, and whatever
+   serves those. */
+static void conemap__want_served(const conemap__edit *edit, int x0, int x1, int y0, int y1) {
+    int reach = conemap__is_bilinear(&edit->map->info);
+    conemap__want(edit, x0 - reach, x1 + reach, y0 - reach, y1 + reach, CONEMAP__STORE);
+    conemap__want(edit, x0 - 2 * reach, x1 + 2 * reach, y0 - 2 * reach, y1 + 2 * reach, CONEMAP__SEARCH);
 }
 
 /* Square of the distance from texels i0..i1, j0..j1 to the rectangle; with the bilinear guarantee, to its cells. Very
@@ -5301,61 +4822,198 @@ CONEMAP__INLINE int conemap__edit_matters(const conemap__edit *edit, float d2, f
     return d2 < CONEMAP__FAR && rise > 0.0f && !(rise * rise < least * (d2 - edit->deflate));
 }
 
-/* The least slope_floor of the 3x3 texels around (i, j), or of the texel alone. */
-static float conemap__least_floor(const conemap_map *map, const float *cones, int i, int j, int reach) {
-    float least = CONEMAP__FAR;
-    int a, b;
-    for (b = -reach; b <= reach; ++b)
-        for (a = -reach; a <= reach; ++a) {
-            size_t row = (size_t)conemap__texel_index(j + b, map->info.height, map->info.wrap_v) *
-                (size_t)map->info.width;
-            least = conemap__min(least, conemap__slope_floor(
-                                            map, cones, row + (size_t)conemap__texel_index(i + a, map->info.width,
-                                                map->info.wrap_u)));
+/* The least slope floors of the 3x3 texels around each of a block's, or of the texels themselves. */
+static void conemap__block_floors(const conemap__edit *edit, int x0, int y0, float *out) {
+    enum { SIDE = CONEMAP__BAND, ROOM = SIDE + 2 };
+    const conemap_map *map = edit->map;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *all = map->cones + (size_t)edit->sector.number * conemap__texels(map), *three[3];
+    const conemap_info *info = &map->info;
+    float heights[ROOM * ROOM], cones[ROOM * ROOM], floors[ROOM * ROOM];
+    int i, j, column[ROOM];
+    for (i = 0; i < ROOM; ++i) column[i] = conemap__texel_index(x0 + i - 1, info->width, info->wrap_u);
+    for (j = 0; j < ROOM; ++j) {
+        size_t row = (size_t)conemap__texel_index(y0 + j - 1, info->height, info->wrap_v) * (size_t)info->width;
+        for (i = 0; i < ROOM; ++i) {
+            heights[j * ROOM + i] = map->heights[row + (size_t)column[i]];
+            cones[j * ROOM + i] = all[row + (size_t)column[i]];
         }
-    return least;
+    }
+    kernels->floor_row(info, heights, cones, ROOM * ROOM, floors);
+    for (j = 0; j < SIDE; ++j) {
+        for (i = 0; i < 3; ++i) three[i] = floors + (j + i) * ROOM;
+        if (!conemap__is_bilinear(info))
+            memcpy(out + j * SIDE, three[1] + 1, SIDE * sizeof(float));
+        else
+            kernels->narrowest_row(three, ROOM, 0, 1, SIDE, out + j * SIDE);
+    }
 }
 
-/* Can the edit reach a texel of this block? Where nothing was surveyed, perhaps. */
+/* Can the edit reach a cone of this block? Where nothing was surveyed, perhaps. */
 static int conemap__block_reached(const conemap__edit *edit, int block_u, int block_v) {
     const conemap_map *map = edit->map;
-    int bands_u = conemap__bands(map->info.width), bands_v = conemap__bands(map->info.height), a, b;
-    int i0 = block_u * CONEMAP__BAND, j0 = block_v * CONEMAP__BAND;
-    float least = CONEMAP__FAR, d2;
+    int i = block_u * CONEMAP__BAND, j = block_v * CONEMAP__BAND, reach = conemap__is_bilinear(&map->info);
+    const float *survey;
     if (!map->build.survey) return 1;
-    d2 = conemap__edit_distance2(edit, i0, conemap__mini(i0 + CONEMAP__BAND, map->info.width) - 1, j0,
-                                 conemap__mini(j0 + CONEMAP__BAND, map->info.height) - 1);
-    if (d2 <= edit->near2) return 1;
-    for (b = -1; b <= 1; ++b)
-        for (a = -1; a <= 1; ++a)
-            least = conemap__min(least, conemap__surveyed(map, edit->sector.number,
-                                                          conemap__texel_index(block_u + a, bands_u, map->info.wrap_u),
-                                                          conemap__texel_index(block_v + b, bands_v,
-                                                                               map->info.wrap_v))[1]);
-    return conemap__edit_matters(edit, d2, conemap__surveyed(map, edit->sector.number, block_u, block_v)[0], least);
+    survey = conemap__surveyed(map, edit->sector.number, block_u, block_v);
+    return conemap__edit_matters(
+        edit,
+        conemap__edit_distance2(edit, i - reach, conemap__mini(i + CONEMAP__BAND, map->info.width) - 1 + reach,
+                                j - reach, conemap__mini(j + CONEMAP__BAND, map->info.height) - 1 + reach),
+        survey[0], survey[1]);
 }
 
-/* Marks what the edit can change, STORE, and whose searches can show it, SEARCH: with the bilinear guarantee a search
-   serves its 3x3 texels, and what is nearest to the edit is looked at whatever its slope. */
-static void conemap__mark(const conemap__edit *edit) {
-    const conemap_map *map = edit->map;
-    const float *cones = map->cones + (size_t)edit->sector.number * conemap__texels(map);
-    int w = map->info.width, h = map->info.height, reach = conemap__is_bilinear(&map->info), block_u, block_v, i, j;
-    for (block_v = 0; block_v < conemap__bands(h); ++block_v)
-        for (block_u = 0; block_u < conemap__bands(w); ++block_u) {
-            if (!conemap__block_reached(edit, block_u, block_v)) continue;
-            for (j = block_v * CONEMAP__BAND; j < conemap__mini((block_v + 1) * CONEMAP__BAND, h); ++j)
-                for (i = block_u * CONEMAP__BAND; i < conemap__mini((block_u + 1) * CONEMAP__BAND, w); ++i) {
-                    float height = map->heights[(size_t)j * (size_t)w + (size_t)i];
-                    float d2 = conemap__edit_distance2(edit, i, i, j, j);
-                    if (d2 > edit->near2 &&
-                        (height >= edit->highest ||
-                         !conemap__edit_matters(edit, d2, height, conemap__least_floor(map, cones, i, j, reach))))
-                        continue;
-                    conemap__mark_around(edit, i, j, reach, CONEMAP__STORE);
-                    conemap__mark_around(edit, i, j, 2 * reach, CONEMAP__SEARCH);
-                }
+/* Goes through the blocks of which a search can serve a cone that the edit reaches. */
+static void conemap__visit_blocks(const conemap__edit *edit,
+                                  void (*visit)(const conemap__edit *edit, int block_u, int block_v)) {
+    const conemap_info *info = &edit->map->info;
+    int bands_u = conemap__bands(info->width), bands_v = conemap__bands(info->height), u, v, a, b;
+    int reach = conemap__is_bilinear(info);
+    if (edit->highest < 0.0f) return;
+    memset(edit->reached, 0, (size_t)bands_u * (size_t)bands_v);
+    for (v = 0; v < bands_v; ++v)
+        for (u = 0; u < bands_u; ++u) {
+            if (!conemap__block_reached(edit, u, v)) continue;
+            for (b = v - reach; b <= v + reach; ++b)
+                for (a = u - reach; a <= u + reach; ++a)
+                    edit->reached[(size_t)conemap__texel_index(b, bands_v, info->wrap_v) * (size_t)bands_u +
+                                  (size_t)conemap__texel_index(a, bands_u, info->wrap_u)] = 1;
         }
+    for (v = 0; v < bands_v; ++v)
+        for (u = 0; u < bands_u; ++u)
+            if (edit->reached[(size_t)v * (size_t)bands_u + (size_t)u]) visit(edit, u, v);
+}
+
+/* Is one of texels i0..i1, j0..j1 searched anew whatever was edited? */
+static int conemap__is_close(const conemap__edit *edit, int i0, int i1, int j0, int j1) {
+    const conemap_info *info = &edit->map->info;
+    return conemap__axis_distance(i0, i1, edit->x, edit->x + edit->width - 1, info->width, info->wrap_u, 0) <=
+               edit->near_u &&
+           conemap__axis_distance(j0, j1, edit->y, edit->y + edit->height - 1, info->height, info->wrap_v, 0) <=
+               edit->near_v;
+}
+
+/* Marks what the edit can change, and whose searches can show it: in this block, and not close. */
+static void conemap__mark_block(const conemap__edit *edit, int block_u, int block_v) {
+    const conemap_map *map = edit->map;
+    float floors[CONEMAP__BAND * CONEMAP__BAND];
+    int w = map->info.width, i0 = block_u * CONEMAP__BAND, j0 = block_v * CONEMAP__BAND, i, j;
+    conemap__block_floors(edit, i0, j0, floors);
+    for (j = 0; j < conemap__mini(CONEMAP__BAND, map->info.height - j0); ++j)
+        for (i = 0; i < conemap__mini(CONEMAP__BAND, w - i0); ++i) {
+            float height = map->heights[(size_t)(j0 + j) * (size_t)w + (size_t)(i0 + i)];
+            if (height < edit->highest &&
+                conemap__edit_matters(edit, conemap__edit_distance2(edit, i0 + i, i0 + i, j0 + j, j0 + j), height,
+                                      floors[j * CONEMAP__BAND + i]) &&
+                !conemap__is_close(edit, i0 + i, i0 + i, j0 + j, j0 + j))
+                conemap__want_served(edit, i0 + i, i0 + i, j0 + j, j0 + j);
+        }
+}
+
+/* Does the search at vertex u serve the cone at v? On one axis. */
+CONEMAP__INLINE int conemap__serves(int u, int v, int size, conemap_wrap wrap, int per_cell) {
+    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap, 1) : v);
+    return behind <= 1 && behind >= (per_cell ? 0 : -1);
+}
+
+/* Narrows the cones that texels x0.., y0.. of a tile serve, whose searches have found these slopes, 0 for nothing. */
+static void conemap__narrow(const conemap__edit *edit, int x0, int y0, const float *slopes2) {
+    enum { SIDE = CONEMAP__TILE, ROOM = SIDE + 2 };
+    const conemap_map *map = edit->map;
+    const conemap_info *info = &map->info;
+    const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    int reach = conemap__is_bilinear(info), cells = info->texture.per_cell != 0, i, j, a, b;
+    float margin = reach ? 1.0f - conemap__safe_margin(map) : CONEMAP__TANGENT_MARGIN;
+    for (j = -reach; j < SIDE + reach; ++j) {
+        float steepest[ROOM], heights[ROOM], tangents[ROOM], cones[ROOM], any = 0.0f;
+        const float *rows = steepest;
+        size_t row = (size_t)conemap__texel_index(y0 + j, info->height, info->wrap_v) * (size_t)info->width;
+        if (info->wrap_v != CONEMAP_WRAP && (y0 + j < 0 || y0 + j >= info->height)) continue;
+        for (i = 0; i < ROOM; ++i) {
+            steepest[i] = 0.0f;
+            for (b = conemap__maxi(j - reach, 0); b <= conemap__mini(j + reach, SIDE - 1); ++b) {
+                if (reach && !conemap__serves(y0 + b, y0 + j, info->height, info->wrap_v, cells)) continue;
+                for (a = conemap__maxi(i - 1 - reach, 0); a <= conemap__mini(i - 1 + reach, SIDE - 1); ++a)
+                    if (!reach || conemap__serves(x0 + a, x0 + i - 1, info->width, info->wrap_u, cells))
+                        steepest[i] = conemap__max(steepest[i], slopes2[b * SIDE + a]);
+            }
+            any = conemap__max(any, steepest[i]);
+            heights[i] = map->heights[row + (size_t)conemap__texel_index(x0 + i - 1, info->width, info->wrap_u)];
+        }
+        if (!(any > 0.0f)) continue;
+        kernels->tangent_row(&rows, 1, margin, info->max_tan, ROOM, tangents);
+        kernels->store_row(info, heights, tangents, ROOM, cones);
+        for (i = 1 - reach; i < SIDE + 1 + reach; ++i) {
+            float *at = &map->build.cones[row + (size_t)conemap__texel_index(x0 + i - 1, info->width, info->wrap_u)];
+            if (info->wrap_u != CONEMAP_WRAP && (x0 + i - 1 < 0 || x0 + i - 1 >= info->width)) continue;
+            *at = conemap__min(*at, cones[i]);
+        }
+    }
+}
+
+/* Searches what was raised from a tile that is not close to it, given the least slopes that can matter. */
+static int conemap__narrow_tile(const conemap__edit *edit, conemap__search *search, int x0, int y0, const float *floors,
+                                int pitch) {
+    const conemap_map *map = edit->map;
+    const conemap_info *info = &map->info;
+    conemap__tile tile;
+    int k, a, b, any = 0, images_u = info->wrap_u == CONEMAP_WRAP, images_v = info->wrap_v == CONEMAP_WRAP;
+    int width = conemap__mini(CONEMAP__TILE, info->width - x0);
+    int height = conemap__mini(CONEMAP__TILE, info->height - y0);
+    memset(tile.folded, 0, sizeof tile.folded);
+    memset(tile.decider, 0, sizeof tile.decider);
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) tile.height[k] = 2.0f;
+    for (k = 0; k < CONEMAP__TILE; ++k)
+        memcpy(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
+    for (k = 0; k < height; ++k)
+        memcpy(tile.height + k * CONEMAP__TILE, map->heights + (size_t)(y0 + k) * (size_t)info->width + (size_t)x0,
+               (size_t)width * sizeof(float));
+    if (conemap__is_close(edit, x0, x0 + CONEMAP__TILE - 1, y0, y0 + CONEMAP__TILE - 1))
+        for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
+            int i = x0 + k % CONEMAP__TILE, j = y0 + k / CONEMAP__TILE;
+            if (conemap__is_close(edit, i, i, j, j)) tile.height[k] = 2.0f;
+        }
+    tile.noted = 1;
+    for (b = -images_v; b <= images_v; ++b)
+        for (a = -images_u; a <= images_u; ++a) {
+            tile.x = x0 - edit->x - a * info->width;
+            tile.y = y0 - edit->y - b * info->height;
+            conemap__kernels_of(map->isa)->search_tile(&edit->raised, search, &tile);
+        }
+    for (k = 0; k < CONEMAP__TILE; ++k)
+        any |= memcmp(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
+    for (k = 0; any && k < CONEMAP__TILE * CONEMAP__TILE; ++k)
+        if (!(tile.slope2[k] > floors[k / CONEMAP__TILE * pitch + k % CONEMAP__TILE])) tile.slope2[k] = 0.0f;
+    if (any) conemap__narrow(edit, x0, y0, tile.slope2);
+    return any != 0;
+}
+
+static void conemap__narrow_block(const conemap__edit *edit, int block_u, int block_v) {
+    float floors[CONEMAP__BAND * CONEMAP__BAND];
+    conemap__search search = conemap__make_search(edit->map);
+    int x0 = block_u * CONEMAP__BAND, y0 = block_v * CONEMAP__BAND, x, y, narrowed = 0;
+    search.deflate = edit->deflate;
+    search.near2 = edit->near2 * (1.0f - 1.0f / 4096.0f);
+    search.is_away = 1;
+    conemap__block_floors(edit, x0, y0, floors);
+    for (y = 0; y < conemap__mini(CONEMAP__BAND, edit->map->info.height - y0); y += CONEMAP__TILE)
+        for (x = 0; x < conemap__mini(CONEMAP__BAND, edit->map->info.width - x0); x += CONEMAP__TILE)
+            narrowed |= conemap__narrow_tile(edit, &search, x0 + x, y0 + y, floors + y * CONEMAP__BAND + x,
+                                             CONEMAP__BAND);
+    if (narrowed && edit->map->build.survey) conemap__survey_block(edit->map, 0, block_u, block_v);
+}
+
+/* What the edit reaches. What is close is searched anew. Farther away, what was lowered may have decided a cone, so
+   such cones are searched anew, too; what was raised can only narrow them, by as much as a search of nothing else
+   tells. In sectors all of them are searched anew. */
+static void conemap__reach_out(conemap__edit *edit, float lowered, float raised) {
+    int sectors = edit->sector.su != 0;
+    conemap__want_served(edit, edit->x - edit->near_u, edit->x + edit->width - 1 + edit->near_u, edit->y - edit->near_v,
+                         edit->y + edit->height - 1 + edit->near_v);
+    edit->highest = sectors ? conemap__max(lowered, raised) : lowered;
+    conemap__visit_blocks(edit, conemap__mark_block);
+    edit->highest = sectors ? -1.0f : raised;
+    conemap__visit_blocks(edit, conemap__narrow_block);
 }
 
 /* The maxima over cells that have a corner in the edit: on a wrapping axis the last cells are corners of the first
@@ -5375,25 +5033,138 @@ static void conemap__update_cells(conemap_map *map, const conemap__edit *edit) {
         }
 }
 
-static float conemap__rectangle_max(const conemap_map *map, int x, int y, int width, int height, float highest) {
-    int i, j;
-    for (j = y; j < y + height; ++j)
-        for (i = x; i < x + width; ++i) highest = conemap__max(highest, conemap__height(map, i, j));
+static float conemap__highest_of(const conemap_map *map) {
+    size_t k;
+    float highest = 0.0f;
+    for (k = 0; k < conemap__texels(map); ++k) highest = conemap__max(highest, map->heights[k]);
     return highest;
 }
 
-/* Puts the edit's new heights into the map; returns by how much the hash changes. */
-static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *edit, const unsigned char *heights) {
+/* Cuts the edit down to what has changed, given the rectangle's new heights; 0 if nothing has. */
+static int conemap__trim(conemap__edit *edit, const float *heights) {
+    int i, j, x0 = edit->width, x1 = -1, y0 = edit->height, y1 = -1;
+    for (j = 0; j < edit->height; ++j)
+        for (i = 0; i < edit->width; ++i) {
+            float was = conemap__height(edit->map, edit->x + i, edit->y + j);
+            if (!(heights[j * edit->width + i] < was) && !(heights[j * edit->width + i] > was)) continue;
+            x0 = conemap__mini(x0, i);
+            x1 = conemap__maxi(x1, i);
+            y0 = conemap__mini(y0, j);
+            y1 = j;
+        }
+    edit->x += x0;
+    edit->y += y0;
+    edit->width = x1 - x0 + 1;
+    edit->height = y1 - y0 + 1;
+    return x1 >= 0;
+}
+
+/* Puts the edit's new heights into the map, from rows of `pitch`; what was raised goes to a map of its own. Returns by
+   how much the hash changes; *raised and *lowered are the greatest of the new heights that are higher, and of the old
+   ones that were, or -1. */
+static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *edit, const float *heights, int pitch,
+                                         float *raised, float *lowered) {
     uint64_t change = 0;
     int i, j;
-    for (j = edit->y; j < edit->y + edit->height; ++j)
-        for (i = edit->x; i < edit->x + edit->width; ++i, heights += sizeof(float)) {
-            size_t at = (size_t)j * (size_t)map->info.width + (size_t)i;
-            change -= conemap__height_hash(map->heights[at], at);
-            memcpy(&map->build.heights[at], heights, sizeof(float));
-            change += conemap__height_hash(map->heights[at], at);
+    *raised = *lowered = -1.0f;
+    for (j = 0; j < edit->height; ++j)
+        for (i = 0; i < edit->width; ++i) {
+            size_t at = (size_t)(edit->y + j) * (size_t)map->info.width + (size_t)(edit->x + i);
+            float was = map->heights[at], is = heights[(size_t)j * (size_t)pitch + (size_t)i];
+            edit->raised.build.heights[(size_t)j * (size_t)edit->width + (size_t)i] = is > was ? is : -1.0f;
+            if (is > was) *raised = conemap__max(*raised, is);
+            if (is < was) *lowered = conemap__max(*lowered, was);
+            change -= conemap__height_hash(was, at);
+            map->build.heights[at] = is;
+            change += conemap__height_hash(is, at);
         }
     return change;
+}
+
+/* How far around an edit all is searched anew: where conemap__find_sights looks from. */
+CONEMAP__INLINE int conemap__near_texels(float near2, float texel) {
+    return near2 > 0.0f && texel > 0.0f ? (int)(sqrtf(near2) / texel) + 1 : 0;
+}
+
+/* Memory for an edit beside what a build takes: the rectangle's new heights, a map of its size, marks and columns. */
+static conemap_result conemap__take_edit(conemap__edit *edit, const conemap_allocator *allocator, void **buffer,
+                                         float **heights) {
+    const conemap_map *map = edit->map;
+    size_t texels = (size_t)edit->width * (size_t)edit->height, size = 0;
+    size_t marks = conemap__texels(map) * (size_t)conemap__planes(&map->info);
+    size_t bands = (size_t)map->build.pass_jobs[CONEMAP__PASS_CONES];
+    size_t blocks = (size_t)conemap__bands(map->info.width) * (size_t)conemap__bands(map->info.height);
+    unsigned char *cursor;
+    conemap_result result;
+    int k;
+    if (!conemap__add_size(&size, texels, sizeof(float)) || !conemap__add_size(&size, texels, sizeof(float)) ||
+        !conemap__maxima_plan(&edit->raised.build.texels, edit->width, edit->height, &size) ||
+        !conemap__add_size(&size, marks, 1) || !conemap__add_size(&size, blocks, 1) ||
+        !conemap__add_size(&size, bands, 2 * sizeof(int)))
+        return CONEMAP_ERROR_OVERFLOW;
+    result = conemap__take(allocator, NULL, 0, size, buffer, &k);
+    if (result != CONEMAP_OK) return result;
+    cursor = (unsigned char *)*buffer;
+    *heights = (float *)conemap__cut(&cursor, texels, sizeof(float));
+    edit->wanted = (unsigned char *)conemap__cut(&cursor, marks, 1);
+    edit->reached = (unsigned char *)conemap__cut(&cursor, blocks, 1);
+    edit->columns = (int *)conemap__cut(&cursor, bands, 2 * sizeof(int));
+    edit->raised.build.memory = cursor;
+    for (k = 0; k < (int)bands; ++k) edit->columns[2 * k + 1] = CONEMAP__DIRTY;
+    return CONEMAP_OK;
+}
+
+/* Lays out the map of what was raised, which holds nothing yet. */
+static void conemap__lay_out_raised(conemap__edit *edit) {
+    conemap_map *raised = &edit->raised;
+    unsigned char *cursor = (unsigned char *)raised->build.memory;
+    size_t unused = 0;
+    raised->info.width = edit->width;
+    raised->info.height = edit->height;
+    raised->isa = edit->map->isa;
+    (void)conemap__maxima_plan(&raised->build.texels, edit->width, edit->height, &unused);
+    raised->heights = raised->build.heights =
+        (float *)conemap__cut(&cursor, conemap__texels(raised), sizeof(float));
+    conemap__cut_maxima(raised, &cursor);
+}
+
+/* Puts the edit's heights into the map, and runs the passes for what they reach; unless `partly`, for everything. */
+static void conemap__apply(conemap_map *map, conemap_map *work, conemap__edit *edit, const float *heights, int pitch,
+                           int partly) {
+    float raised, lowered, highest;
+    int pass, job, k;
+    conemap__lay_out_raised(edit);
+    map->info.height_hash += conemap__replace_heights(work, edit, heights, pitch, &raised, &lowered);
+    highest = conemap__max(raised, lowered);
+    if (partly) {
+        conemap__maxima_region(&edit->raised, 0, edit->width - 1, 0, edit->height - 1);
+        work->build.wanted = edit->wanted;
+        work->build.wanted_columns = edit->columns;
+    }
+    if (conemap__is_bilinear(&work->info)) {
+        float a = work->build.search_u, b = work->build.search_v;
+        edit->deflate = 0.25f * (a * a + b * b);
+        edit->near2 = edit->deflate / CONEMAP__TOLERANCE;
+        edit->near_u = conemap__near_texels(edit->near2, a);
+        edit->near_v = conemap__near_texels(edit->near2, b);
+    }
+    for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
+        edit->sector = conemap__make_sector(&map->info, k);
+        conemap__reach_out(edit, lowered, raised);
+    }
+    if (work->build.keeps_search)
+        conemap__maxima_region(work, edit->x, edit->x + edit->width - 1, edit->y, edit->y + edit->height - 1);
+    else
+        for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
+            for (job = 0; job < work->build.pass_jobs[pass]; ++job) (void)conemap_run_job(work, pass, job);
+    for (pass = CONEMAP__PASS_CONES; pass <= CONEMAP__PASS_STORE; ++pass)
+        for (job = 0; job < work->build.pass_jobs[pass]; ++job)
+            if (!partly || edit->columns[2 * job + 1] >= 0) (void)conemap_run_job(work, pass, job);
+    if (map->cells.levels > 0) conemap__update_cells(map, edit);
+    if (highest >= map->highest && work->build.keeps_search)
+        map->highest = conemap__maxima(&work->build.texels, work->build.texels.levels - 1, 0)[0];
+    else if (highest >= map->highest)
+        map->highest = conemap__highest_of(map);
 }
 
 CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc *desc, int x, int y, int width,
@@ -5403,11 +5174,10 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     conemap_result result;
     conemap_heights rectangle;
     conemap__edit edit;
-    size_t memory_size, scratch_size, marks, size;
-    void *buffer = NULL; /* marks, and the rectangle's new heights until all of them are known to be good */
-    unsigned char *heights = NULL;
-    float was_highest;
-    int pass, job, partly, k;
+    size_t memory_size, scratch_size;
+    void *buffer = NULL;
+    float *heights = NULL; /* the rectangle's, until all of them are known to be good */
+    int k;
     if (!map || !map->heights || !desc) return CONEMAP_ERROR_NULL;
     settings = *desc;
     result = conemap__resolve(&settings);
@@ -5426,65 +5196,29 @@ CONEMAP__DEF conemap_result conemap_update(conemap_map *map, const conemap_desc 
     if (x < 0 || y < 0 || width < 1 || height < 1 || x >= map->info.width || y >= map->info.height ||
         width > map->info.width - x || height > map->info.height - y)
         return CONEMAP_ERROR_SIZE;
-    marks = conemap__texels(map) * (size_t)conemap__planes(&map->info);
-    size = marks + (size_t)work.build.pass_jobs[CONEMAP__PASS_CONES]; /* with a byte for each band */
+    memset(&edit, 0, sizeof edit);
+    edit.map = &work;
+    edit.x = x;
+    edit.y = y;
+    edit.width = width;
+    edit.height = height;
     work.build.allocator = settings.allocator;
     result = conemap__allocate(&work, memory_size, scratch_size);
-    if (result == CONEMAP_OK)
-        result = conemap__take(&settings.allocator, NULL, 0, size + (size_t)width * (size_t)height * sizeof(float),
-                               &buffer, &k);
-    memset(&edit, 0, sizeof edit);
+    if (result == CONEMAP_OK) result = conemap__take_edit(&edit, &settings.allocator, &buffer, &heights);
     if (result == CONEMAP_OK) {
-        edit.map = &work;
-        edit.x = x;
-        edit.y = y;
-        edit.width = width;
-        edit.height = height;
-        edit.wanted = (unsigned char *)buffer;
-        edit.bands = edit.wanted + marks;
-        heights = edit.wanted + size;
         rectangle = settings.heights;
         rectangle.pixels = (const unsigned char *)rectangle.pixels + (ptrdiff_t)y * rectangle.row_stride +
                            (ptrdiff_t)x * rectangle.pixel_stride;
         rectangle.width = width;
-        for (k = 0; k < height && result == CONEMAP_OK; ++k) { /* by way of the plane: the buffer's end is not
-                                                                  aligned */
-            if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k, work.build.plane))
+        for (k = 0; k < height && result == CONEMAP_OK; ++k)
+            if (!conemap__kernels_of(work.isa)->decode_row(&work.info, &rectangle, k,
+                                                           heights + (size_t)k * (size_t)width))
                 result = CONEMAP_ERROR_HEIGHT;
-            memcpy(heights + (size_t)k * (size_t)width * sizeof(float), work.build.plane,
-                   (size_t)width * sizeof(float));
-        }
     }
-    if (result == CONEMAP_OK) {
-        /* Everything is known and at hand: from here on nothing can fail. */
-        was_highest = conemap__rectangle_max(map, x, y, width, height, 0.0f);
-        map->info.height_hash += conemap__replace_heights(&work, &edit, heights);
-        edit.highest = conemap__rectangle_max(map, x, y, width, height, was_highest);
-        partly = conemap__updates_partly(&settings, &work.info);
-        memset(edit.wanted, partly ? 0 : CONEMAP__SEARCH | CONEMAP__STORE, size);
-        if (conemap__is_bilinear(&work.info)) {
-            edit.deflate = 0.25f * (work.build.search_u * work.build.search_u + work.build.search_v *
-                                    work.build.search_v);
-            edit.near2 = edit.deflate / CONEMAP__TOLERANCE;
-        }
-        for (k = 0; partly && k < conemap__planes(&map->info); ++k) {
-            edit.sector = conemap__make_sector(&map->info, k);
-            conemap__mark(&edit);
-        }
-        work.build.wanted = edit.wanted;
-        if (work.build.keeps_search)
-            conemap__maxima_region(&work, y, y + height - 1);
-        else
-            for (pass = CONEMAP__PASS_STRIPS; pass <= CONEMAP__PASS_TOP; ++pass)
-                for (job = 0; job < work.build.pass_jobs[pass]; ++job) (void)conemap_run_job(&work, pass, job);
-        for (pass = CONEMAP__PASS_CONES; pass <= CONEMAP__PASS_STORE; ++pass)
-            for (job = 0; job < work.build.pass_jobs[pass]; ++job)
-                if (edit.bands[job]) (void)conemap_run_job(&work, pass, job);
-        if (map->cells.levels > 0) conemap__update_cells(map, &edit);
-        if (edit.highest >= map->highest && work.build.keeps_search)
-            map->highest = conemap__maxima(&work.build.texels, work.build.texels.levels - 1, 0)[0];
-        else if (edit.highest >= map->highest)
-            map->highest = conemap__rectangle_max(map, 0, 0, map->info.width, map->info.height, 0.0f);
+    /* From here on nothing can fail. */
+    if (result == CONEMAP_OK && conemap__trim(&edit, heights)) {
+        heights += (size_t)(edit.y - y) * (size_t)width + (size_t)(edit.x - x);
+        conemap__apply(map, &work, &edit, heights, width, conemap__updates_partly(&settings, &work.info));
     }
     if (buffer) conemap__release(&settings.allocator, buffer, 1);
     conemap__release(&work.build.allocator, work.build.scratch, work.build.owns_scratch);
@@ -5826,7 +5560,7 @@ CONEMAP__DEF conemap_result conemap_load(const void *bytes, size_t size, const c
     if (map->cells.levels > 0)
         conemap__pyramid_region(map, &map->cells, 0, map->cells.width[0] - 1, 0, map->cells.height[0] - 1);
     if (map->build.keeps_search) {
-        conemap__maxima_region(map, 0, info.height - 1);
+        conemap__maxima_region(map, 0, info.width - 1, 0, info.height - 1);
         for (job = 0; job < conemap__planes(&info) * conemap__bands(info.height); ++job)
             conemap__survey_band(map, job / conemap__bands(info.height), job % conemap__bands(info.height));
     } else {
@@ -16950,15 +16684,13 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__STRIP
 #undef CONEMAP__BAND
 #undef CONEMAP__RUN
-#undef CONEMAP__NEAR
 #undef CONEMAP__TILE
 #undef CONEMAP__LEAST_SLACK
-#undef CONEMAP__TINY
 #undef CONEMAP__SIGHT_REACH
 #undef CONEMAP__SIGHTS
 #undef CONEMAP__GIVEN
 #undef CONEMAP__FINEST
-#undef CONEMAP__EIGHTHS
+#undef CONEMAP__WIDE
 #undef CONEMAP__NOTED
 #undef CONEMAP__TANGENT_MARGIN
 #undef CONEMAP__KNOWN
@@ -17215,6 +16947,29 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(store_row)(const conemap_info *info, cons
     }
 }
 
+CONEMAP__FUNCTION void CONEMAP__KERNEL(floor_row)(const conemap_info *info, const float *heights, const float *cones,
+                                                  int count, float *out) {
+    conemap_format format = info->texture.format;
+    CONEMAP__F max_tan = CONEMAP__F1(info->max_tan), one = CONEMAP__F1(1.0f), zero = CONEMAP__F1(0.0f);
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F height = CONEMAP__KERNEL(load)(heights + x, count - x), next, tangent;
+        CONEMAP__M known;
+        next = CONEMAP__KERNEL(load)(cones + x, count - x);
+        next = CONEMAP__KERNEL(value)(format, CONEMAP__IADD(CONEMAP__KERNEL(code_near)(format, next), CONEMAP__I1(2)));
+        tangent = CONEMAP__KERNEL(decode_tan)(info, height, next);
+        known = CONEMAP__LE(next, format == CONEMAP_F32 || format == CONEMAP_F16 ? CONEMAP__F1(CONEMAP__FAR) : one);
+        if (info->texture.encoding == CONEMAP_RADIUS) /* near the top a radius says nothing */
+            known = CONEMAP__AND(known, CONEMAP__LE(height, CONEMAP__F1(0.999f)));
+        tangent = CONEMAP__MIN(CONEMAP__PICK(known, tangent, max_tan), max_tan);
+        tangent = CONEMAP__PICK(CONEMAP__LT(zero, tangent),
+                                CONEMAP__MUL(CONEMAP__DIV(one, CONEMAP__MUL(tangent, tangent)),
+                                             CONEMAP__F1(1.0f - 1.0f / 8192.0f)),
+                                zero);
+        CONEMAP__KERNEL(store)(out + x, tangent, count - x);
+    }
+}
+
 /* ---- maxima and slopes ------------------------------------------------------------------------------------------- */
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(maxima_row)(const float *above, const float *below, int width, float *out) {
@@ -17254,21 +17009,22 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(beside)(const float *row, int x, int 
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(ring_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                 float least, float *out) {
+                                                 float least, int first, int count, float *out) {
     float d2[3];
     int x, k, c;
     d2[0] = a * a;
     d2[1] = b * b;
     d2[2] = a * a + b * b;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least);
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least);
         for (k = 0; k < 3; ++k)
             for (c = -1; rows[k] && c <= 1; ++c)
                 if (k != 1 || c != 0)
                     best = CONEMAP__MAX(best, CONEMAP__KERNEL(slope2)(
-                                                  CONEMAP__KERNEL(beside)(rows[k], x + c, width, wraps, 0, -1.0f), apex,
-                                                  d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
-        CONEMAP__KERNEL(store)(out + x, best, width - x);
+                                                  CONEMAP__KERNEL(beside)(rows[k], first + x + c, width, wraps, 0,
+                                                                          -1.0f),
+                                                  apex, d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
 
@@ -17283,18 +17039,19 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(over)(CONEMAP__F rise, float length) 
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps,
-                                                     float a, float b, float *out) {
+                                                     float a, float b, int first, int count, float *out) {
     int x;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + x, width - x), h01 = CONEMAP__KERNEL(load)(below + x, width - x);
-        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, x + 1, width, wraps, 1, 0.0f);
-        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, x + 1, width, wraps, 1, 0.0f);
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + first + x, count - x);
+        CONEMAP__F h01 = CONEMAP__KERNEL(load)(below + first + x, count - x);
+        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, first + x + 1, width, wraps, 1, 0.0f);
+        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, first + x + 1, width, wraps, 1, 0.0f);
         CONEMAP__F along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h10, h00), CONEMAP__SUB(h11, h01));
         CONEMAP__F across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h01, h00), CONEMAP__SUB(h11, h10));
         along = CONEMAP__KERNEL(over)(along, a);
         across = CONEMAP__KERNEL(over)(across, b);
         CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)),
-                               width - x);
+                               count - x);
     }
 }
 
@@ -17315,13 +17072,14 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F la
 
 /* Step 3: a texel looks over its own cells. What is missing stands low, so it adds nothing. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                    float least, float *out) {
+                                                    float least, int first, int count, float *out) {
     int x, c, r;
-    for (x = 0; x < width; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + x, width - x), best = CONEMAP__F1(least), along[2],
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least), along[2],
             slope_x[2];
         for (c = 0; c < 2; ++c) {
-            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], first + x + 2 * c - 1, width, wraps, 0, -1.0f),
+                                    apex);
             slope_x[c] = CONEMAP__KERNEL(over)(CONEMAP__MAX(along[c], CONEMAP__F1(0.0f)), a);
             slope_x[c] = CONEMAP__MUL(slope_x[c], slope_x[c]);
             best = CONEMAP__MAX(best, slope_x[c]);
@@ -17329,88 +17087,111 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, in
         for (r = 0; r < 3; r += 2) {
             CONEMAP__F across, slope_y;
             if (!rows[r]) continue;
-            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + x, width - x), apex);
+            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + first + x, count - x), apex);
             slope_y = CONEMAP__KERNEL(over)(CONEMAP__MAX(across, CONEMAP__F1(0.0f)), b);
             slope_y = CONEMAP__MUL(slope_y, slope_y);
             for (c = 0; c < 2; ++c) {
-                CONEMAP__F opposite =
-                    CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[r], x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
+                CONEMAP__F opposite = CONEMAP__SUB(
+                    CONEMAP__KERNEL(beside)(rows[r], first + x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
                 best = CONEMAP__MAX(best, CONEMAP__ADD(slope_x[c], slope_y));
                 best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(along[c], opposite, b, a));
                 best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(across, opposite, a, b));
             }
         }
-        CONEMAP__KERNEL(store)(out + x, best, width - x);
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
 
-CONEMAP__FUNCTION void CONEMAP__KERNEL(near_row)(const float *row, const float *const *rows, const int *columns,
-                                                 const float *inverse, int n, int width, int wraps, int first,
-                                                     int count,
-                                                 float *out) {
-    int x, k;
-    for (x = 0; x < count; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(row + first + x, count - x), best = CONEMAP__F1(0.0f);
-        for (k = 0; k < n; ++k) {
-            CONEMAP__F dh = CONEMAP__SUB(
-                CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 0, -1.0f), apex);
-            dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__MUL(CONEMAP__MUL(dh, dh), CONEMAP__F1(inverse[k])));
+/* Can a patch of such corners, above the eye, matter? With room for rounding. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_reach)(const conemap__sights *sights, int k, CONEMAP__F rise,
+                                                      CONEMAP__F best) {
+    rise = CONEMAP__MAX(CONEMAP__ADD(rise, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
+    rise = CONEMAP__MUL(rise, CONEMAP__F1(sights->most[k]));
+    return CONEMAP__LT(best, CONEMAP__MUL(rise, rise));
+}
+
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sights, int k, CONEMAP__F h00,
+                                                     CONEMAP__F h10, CONEMAP__F h01, CONEMAP__F h11,
+                                                     CONEMAP__F best) {
+    return CONEMAP__KERNEL(may_reach)(sights, k, CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)), best);
+}
+
+/* Step 4, cut into pieces: the bound of its slope. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(pieces)(const conemap__sights *sights, int k, CONEMAP__F h00, CONEMAP__F h10,
+                                                   CONEMAP__F h01, CONEMAP__F h11) {
+    const float *inverse = sights->inverse + sights->first[k];
+    CONEMAP__F seen = CONEMAP__F1(0.0f);
+    int i, j;
+    h10 = CONEMAP__SUB(h10, h00); /* the patch h00 + h10 x + h01 y + h11 x y */
+    h11 = CONEMAP__SUB(CONEMAP__SUB(h11, h01), h10);
+    h01 = CONEMAP__SUB(h01, h00);
+    for (j = 0; j <= CONEMAP__FINEST; j += sights->rows[k]) {
+        CONEMAP__F f = CONEMAP__F1(sights->fraction[j]);
+        CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)), across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
+        for (i = 0; i <= CONEMAP__FINEST; i += sights->columns[k]) {
+            f = CONEMAP__F1(sights->fraction[i]);
+            f = CONEMAP__MUL(CONEMAP__ADD(rise, CONEMAP__MUL(across, f)), CONEMAP__F1(*inverse++));
+            seen = CONEMAP__MAX(seen, f);
         }
-        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
+    return seen;
+}
+
+/* The heights of two rows' cells' left corners, the higher or the lower ones. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge_height)(const float *upper, const float *lower, int lowest) {
+    CONEMAP__F a = CONEMAP__LOADF(upper), b = CONEMAP__LOADF(lower);
+    return lowest ? CONEMAP__MIN(a, b) : CONEMAP__MAX(a, b);
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                    int wraps, const float *known, int first, int count, float *out) {
     const float missing = -1.0e30f;
-    int x, k, i, j, of_cells = known != NULL;
+    int x, k, of_cells = known != NULL, step = sights->step_x;
     for (x = 0; x < count; x += CONEMAP__LANES) {
+        int at = first + x, inside = at >= sights->reach && at + CONEMAP__LANES + sights->reach <= width;
         CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), sign = CONEMAP__F1(of_cells ? -1.0f : 1.0f);
+        CONEMAP__F eye_height = sign, lowest = sign, edge = sign;
         if (of_cells) { /* what its corners have is all the same as a cell's own */
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x, width, wraps, 1, 0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, first + x + sights->step_x, width, wraps, 1,
-                                                              0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at, width, wraps, 1, 0.0f));
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at + step, width, wraps, 1, 0.0f));
+            if (inside && rows[sights->step_y])
+                lowest = CONEMAP__MIN(
+                    CONEMAP__KERNEL(edge_height)(rows[0] + at, rows[sights->step_y] + at, 1),
+                    CONEMAP__KERNEL(edge_height)(rows[0] + at + step, rows[sights->step_y] + at + step, 1));
+        } else {
+            eye_height = CONEMAP__KERNEL(load)(rows[0] + at, count - x);
         }
         for (k = 0; k < sights->count; ++k) {
-            int left = first + x + (of_cells ? 0 : sights->x[k]);
-            int top = of_cells ? 0 : sights->y[k], eye = first + x - (of_cells ? sights->x[k] : 0);
+            int left = at + (of_cells ? 0 : sights->x[k]);
+            int top = of_cells ? 0 : sights->y[k], eye = at - (of_cells ? sights->x[k] : 0);
             const float *upper = rows[top], *lower = rows[top + sights->step_y],
                 *eyes = rows[of_cells ? -sights->y[k] : 0];
-            const float *inverse = sights->inverse + sights->first[k];
             CONEMAP__F apex, h00, h10, h01, h11, least, seen;
             if (!upper || !lower || !eyes) continue;
+            if (inside) { /* most cells are too low; neighbours share an edge */
+                if (of_cells) {
+                    seen = CONEMAP__SUB(CONEMAP__LOADF(eyes + eye), lowest);
+                } else {
+                    seen = sights->follows[k] ? edge : CONEMAP__KERNEL(edge_height)(upper + left, lower + left, 0);
+                    edge = CONEMAP__KERNEL(edge_height)(upper + left + step, lower + left + step, 0);
+                    seen = CONEMAP__SUB(CONEMAP__MAX(seen, edge), eye_height);
+                }
+                if (!CONEMAP__ANY(CONEMAP__KERNEL(may_reach)(sights, k, seen, best))) continue;
+            }
             apex = CONEMAP__KERNEL(beside)(eyes, eye, width, wraps, 0, missing);
             h00 = CONEMAP__KERNEL(beside)(upper, left, width, wraps, 0, missing);
-            h10 = CONEMAP__KERNEL(beside)(upper, left + sights->step_x, width, wraps, 0, missing);
+            h10 = CONEMAP__KERNEL(beside)(upper, left + step, width, wraps, 0, missing);
             h01 = CONEMAP__KERNEL(beside)(lower, left, width, wraps, 0, missing);
-            h11 = CONEMAP__KERNEL(beside)(lower, left + sights->step_x, width, wraps, 0, missing);
+            h11 = CONEMAP__KERNEL(beside)(lower, left + step, width, wraps, 0, missing);
             least = CONEMAP__MIN(CONEMAP__MIN(h00, h10), CONEMAP__MIN(h01, h11));
             h00 = CONEMAP__MUL(CONEMAP__SUB(h00, apex), sign);
             h10 = CONEMAP__MUL(CONEMAP__SUB(h10, apex), sign);
             h01 = CONEMAP__MUL(CONEMAP__SUB(h01, apex), sign);
             h11 = CONEMAP__MUL(CONEMAP__SUB(h11, apex), sign);
-            seen = CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)); /* can it matter, with room for
-                                                                                    rounding? */
-            seen = CONEMAP__MAX(CONEMAP__ADD(seen, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
-            seen = CONEMAP__MUL(seen, CONEMAP__F1(sights->most[k]));
-            if (!CONEMAP__ANY(CONEMAP__AND(CONEMAP__LT(best, CONEMAP__MUL(seen, seen)),
-                                           CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
+            if (!inside && !CONEMAP__ANY(CONEMAP__AND(CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best),
+                                                      CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
                 continue;
-            seen = CONEMAP__F1(0.0f);
-            h10 = CONEMAP__SUB(h10, h00); /* the patch h00 + h10 x + h01 y + h11 x y */
-            h11 = CONEMAP__SUB(CONEMAP__SUB(h11, h01), h10);
-            h01 = CONEMAP__SUB(h01, h00);
-            for (j = 0; j <= CONEMAP__FINEST; j += sights->rows[k]) {
-                CONEMAP__F f = CONEMAP__F1(sights->fraction[j]);
-                CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)),
-                    across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
-                for (i = 0; i <= CONEMAP__FINEST; i += sights->columns[k]) {
-                    f = CONEMAP__F1(sights->fraction[i]);
-                    f = CONEMAP__MUL(CONEMAP__ADD(rise, CONEMAP__MUL(across, f)), CONEMAP__F1(*inverse++));
-                    seen = CONEMAP__MAX(seen, f);
-                }
-            }
+            seen = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
             seen = CONEMAP__PICK(CONEMAP__LT(CONEMAP__F1(0.5f * missing), least), seen, CONEMAP__F1(0.0f));
             best = CONEMAP__MAX(best, CONEMAP__MUL(seen, seen));
         }
@@ -17418,73 +17199,243 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights
     }
 }
 
-/* The square of the slope to a corner that rises `rise`, by step 4's bound. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(corner)(CONEMAP__F rise, CONEMAP__F x, CONEMAP__F y, float v) {
-    CONEMAP__F d2 = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__MUL(x, x), CONEMAP__MUL(y, y)), CONEMAP__F1(v));
-    rise = CONEMAP__MAX(rise, CONEMAP__F1(0.0f));
-    return CONEMAP__DIV(CONEMAP__MUL(rise, rise), CONEMAP__MAX(d2, CONEMAP__F1(CONEMAP__TINY)));
+/* ---- relaxed cones and sectors, near: see S A F E   C O N E S --------------------------------------------------- */
+
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(none)(void) {
+    return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
 }
 
-/* Bounds for 8 pieces side by side, lengthwise; those whose bound is not tight yet and could matter go on in pieces of
-   their own. */
-CONEMAP__FUNCTION float CONEMAP__KERNEL(patch)(const float *h, float x, float y, float size_x, float size_y,
-                                               float above, float best) {
-    float corners[4][2 * CONEMAP__EIGHTHS], bounds[2 * CONEMAP__EIGHTHS], turned[4], wide = size_x * 0.25f,
-        deep = size_y * 0.5f, v;
-    int i, k, c, loose = 0, open = 0;
-    if (size_x < size_y) { /* the other way about */
-        turned[0] = h[0];
-        turned[1] = h[2];
-        turned[2] = h[1];
-        turned[3] = h[3];
-        return CONEMAP__KERNEL(patch)(turned, y, x, size_y, size_x, above, best);
+/* Of places x, x + 1 .. those beyond low..high. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beyond)(int x, int low, int high) {
+    float lanes[CONEMAP__LANES];
+    int t;
+    if (x >= low && x + CONEMAP__LANES - 1 <= high) return CONEMAP__KERNEL(none)();
+    for (t = 0; t < CONEMAP__LANES; ++t) lanes[t] = x + t < low || x + t > high ? 1.0f : 0.0f;
+    return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__LOADF(lanes));
+}
+
+/* Of texels low..high, low + 1..high + 1 .. of columns, and those of rows, which are by a border. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(by_border)(const conemap_info *info, int low_i, int high_i, int low_j,
+                                                      int high_j) {
+    float lanes[CONEMAP__LANES];
+    int t;
+    if (!conemap__texels_by_border(info, low_i, high_i + CONEMAP__LANES - 1, low_j, high_j))
+        return CONEMAP__KERNEL(none)();
+    for (t = 0; t < CONEMAP__LANES; ++t)
+        lanes[t] = conemap__texels_by_border(info, low_i + t, high_i + t, low_j, high_j) ? 1.0f : 0.0f;
+    return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__LOADF(lanes));
+}
+
+/* Corners of cells (i, j), (i + 1, j) .. which are repeated beyond borders. */
+CONEMAP__HELPER void CONEMAP__KERNEL(corners)(const conemap__outlook *outlook, int i, int j, CONEMAP__F *h) {
+    const conemap_info *info = &outlook->map->info;
+    const float *upper = conemap__level_row(outlook->map, j), *lower = conemap__level_row(outlook->map, j + 1);
+    int w = info->width, wraps = info->wrap_u == CONEMAP_WRAP;
+    h[0] = CONEMAP__KERNEL(beside)(upper, i, w, wraps, 1, 0.0f);
+    h[1] = CONEMAP__KERNEL(beside)(upper, i + 1, w, wraps, 1, 0.0f);
+    h[2] = CONEMAP__KERNEL(beside)(lower, i, w, wraps, 1, 0.0f);
+    h[3] = CONEMAP__KERNEL(beside)(lower, i + 1, w, wraps, 1, 0.0f);
+}
+
+/* The least product of numbers in two ranges. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(least_product)(CONEMAP__F a0, CONEMAP__F a1, CONEMAP__F b0, CONEMAP__F b1) {
+    return CONEMAP__MIN(CONEMAP__MIN(CONEMAP__MUL(a0, b0), CONEMAP__MUL(a0, b1)),
+                        CONEMAP__MIN(CONEMAP__MUL(a1, b0), CONEMAP__MUL(a1, b1)));
+}
+
+/* Does a cell fall anywhere for a flight of x0..x1 texels to the right and y0..y1 down? */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(falls)(const CONEMAP__F *h, CONEMAP__F x0, CONEMAP__F x1, CONEMAP__F y0,
+                                                  CONEMAP__F y1) {
+    CONEMAP__F along = CONEMAP__KERNEL(least_product)(x0, x1, CONEMAP__SUB(h[1], h[0]), CONEMAP__SUB(h[3], h[2]));
+    CONEMAP__F across = CONEMAP__KERNEL(least_product)(y0, y1, CONEMAP__SUB(h[2], h[0]), CONEMAP__SUB(h[3], h[1]));
+    return CONEMAP__LT(CONEMAP__ADD(along, across), CONEMAP__F1(0.0f));
+}
+
+/* The same of cells (i, j), (i + 1, j) .. for flights of dx - 1..dx + reach, dy - 1..dy + reach: beyond a border always,
+   since flights that come from the map lead out there. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(limits)(const conemap__outlook *outlook, const CONEMAP__F *h, int i, int j, int dx,
+                                                   int dy, int reach) {
+    const conemap_info *info = &outlook->map->info;
+    CONEMAP__M limits = CONEMAP__KERNEL(falls)(h, CONEMAP__F1((float)(dx - 1)), CONEMAP__F1((float)(dx + reach)),
+                                               CONEMAP__F1((float)(dy - 1)), CONEMAP__F1((float)(dy + reach)));
+    if (info->wrap_u != CONEMAP_WRAP) limits = CONEMAP__OR(limits, CONEMAP__KERNEL(beyond)(i, 0, info->width - 2));
+    if (info->wrap_v != CONEMAP_WRAP && (j < 0 || j > info->height - 2))
+        limits = CONEMAP__LE(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
+    return limits;
+}
+
+/* As conemap__ascent2, `whole` where an octant counts as its quadrant. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(ascent2)(const conemap__outlook *outlook, CONEMAP__F x, CONEMAP__F y,
+                                                    CONEMAP__M whole) {
+    const CONEMAP__F zero = CONEMAP__F1(0.0f), a = CONEMAP__F1(outlook->a), b = CONEMAP__F1(outlook->b);
+    CONEMAP__F rise_x = CONEMAP__MAX(x, zero), rise_y = CONEMAP__MAX(y, zero), along, diagonal, quadrant;
+    CONEMAP__M inside;
+    int major = outlook->sector.major;
+    quadrant = CONEMAP__ADD(CONEMAP__MUL(rise_x, rise_x), CONEMAP__MUL(rise_y, rise_y));
+    if (major == 0) return quadrant;
+    inside = CONEMAP__AND(CONEMAP__LE(zero, x), CONEMAP__LE(zero, y));
+    inside = CONEMAP__AND(inside, major == 1 ? CONEMAP__LE(CONEMAP__MUL(y, a), CONEMAP__MUL(x, b))
+                                             : CONEMAP__LE(CONEMAP__MUL(x, b), CONEMAP__MUL(y, a)));
+    along = major == 1 ? rise_x : rise_y;
+    diagonal = CONEMAP__MAX(CONEMAP__ADD(CONEMAP__MUL(x, a), CONEMAP__MUL(y, b)), zero);
+    diagonal = CONEMAP__DIV(CONEMAP__MUL(diagonal, diagonal),
+                            CONEMAP__ADD(CONEMAP__ADD(CONEMAP__MUL(a, a), CONEMAP__MUL(b, b)), CONEMAP__F1(1.0e-30f)));
+    return CONEMAP__PICK(CONEMAP__OR(inside, whole), quadrant,
+                         CONEMAP__MAX(CONEMAP__MUL(along, along), diagonal));
+}
+
+/* Step 3: texels (i, j), (i + 1, j) .. look over the cells of theirs that lie towards (si, sj). */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_corner)(const conemap__outlook *outlook, CONEMAP__F apex, int i, int j, int si,
+                                                       int sj) {
+    const conemap_info *info = &outlook->map->info;
+    const float a = outlook->a, b = outlook->b;
+    const CONEMAP__F zero = CONEMAP__F1(0.0f);
+    int cell_i = si < 0 ? i - 1 : i, cell_j = sj < 0 ? j - 1 : j, near_u = si < 0, near_v = sj < 0 ? 2 : 0;
+    CONEMAP__F h[4], along, across, opposite, steep, by_u, by_v;
+    CONEMAP__M whole = CONEMAP__KERNEL(none)();
+    if (si * outlook->sector.su < 0 || sj * outlook->sector.sv < 0) return zero;
+    CONEMAP__KERNEL(corners)(outlook, cell_i, cell_j, h);
+    along = CONEMAP__SUB(h[near_v + 1 - near_u], apex);
+    across = CONEMAP__SUB(h[2 - near_v + near_u], apex);
+    opposite = CONEMAP__SUB(h[3 - near_v - near_u], apex);
+    if (outlook->sector.major != 0)
+        whole = CONEMAP__OR(CONEMAP__KERNEL(by_border)(info, i, i, j, j),
+                            CONEMAP__KERNEL(by_border)(info, cell_i + 1, cell_i, cell_j + 1, cell_j));
+    steep = CONEMAP__KERNEL(ascent2)(outlook, CONEMAP__KERNEL(over)(along, a), CONEMAP__KERNEL(over)(across, b), whole);
+    by_u = CONEMAP__KERNEL(edge)(along, opposite, b, a);
+    by_v = CONEMAP__KERNEL(edge)(across, opposite, a, b);
+    if (outlook->sector.major == 1) by_v = CONEMAP__PICK(whole, by_v, zero);
+    if (outlook->sector.major == 2) by_u = CONEMAP__PICK(whole, by_u, zero);
+    steep = CONEMAP__MAX(steep, CONEMAP__MAX(by_u, by_v));
+    if (!outlook->relaxed) return steep;
+    return CONEMAP__PICK(CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, cell_i - i, cell_j - j, 2), steep, zero);
+}
+
+/* Step 2: what is seen within cells (i, j), (i + 1, j) .. Relaxed: see conemap__falling. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_cell)(const conemap__outlook *outlook, int i, int j) {
+    const conemap_info *info = &outlook->map->info;
+    const float a = outlook->a, b = outlook->b, su = (float)outlook->sector.su, sv = (float)outlook->sector.sv;
+    CONEMAP__F h[4], x0, x1, y0, y1, x, y, bend, steep;
+    CONEMAP__M some = CONEMAP__KERNEL(none)();
+    int dx, dy;
+    CONEMAP__KERNEL(corners)(outlook, i, j, h);
+    x0 = CONEMAP__SUB(h[1], h[0]);
+    x1 = CONEMAP__SUB(h[3], h[2]);
+    y0 = CONEMAP__SUB(h[2], h[0]);
+    y1 = CONEMAP__SUB(h[3], h[1]);
+    if (!outlook->relaxed) {
+        if (outlook->sector.major != 0) some = CONEMAP__KERNEL(by_border)(info, i, i + 1, j, j + 1);
+        x = CONEMAP__MAX(CONEMAP__MUL(x0, CONEMAP__F1(su)), CONEMAP__MUL(x1, CONEMAP__F1(su)));
+        y = CONEMAP__MAX(CONEMAP__MUL(y0, CONEMAP__F1(sv)), CONEMAP__MUL(y1, CONEMAP__F1(sv)));
+        return CONEMAP__KERNEL(ascent2)(outlook, CONEMAP__KERNEL(over)(x, a), CONEMAP__KERNEL(over)(y, b), some);
     }
-    v = 0.25f * (wide * wide + deep * deep);
-    for (i = 0; i < CONEMAP__EIGHTHS; i += CONEMAP__LANES) {
-        CONEMAP__F zero = CONEMAP__F1(0.0f), fx = CONEMAP__LOADF(conemap__piece_x + i),
-            fy = CONEMAP__LOADF(conemap__piece_y + i);
-        CONEMAP__F x0 = CONEMAP__ADD(CONEMAP__F1(x), CONEMAP__MUL(fx, CONEMAP__F1(size_x)));
-        CONEMAP__F y0 = CONEMAP__ADD(CONEMAP__F1(y), CONEMAP__MUL(fy, CONEMAP__F1(size_y)));
-        CONEMAP__F x1 = CONEMAP__ADD(x0, CONEMAP__F1(wide)), y1 = CONEMAP__ADD(y0, CONEMAP__F1(deep));
-        CONEMAP__F gx = CONEMAP__ADD(fx, CONEMAP__F1(0.25f)), gy = CONEMAP__ADD(fy, CONEMAP__F1(0.5f));
-        CONEMAP__F low = CONEMAP__F1(h[1] - h[0]), high = CONEMAP__F1(h[3] - h[2]);
-        CONEMAP__F h00, h10, left, right, top, dx, dy, d2, bound;
-        h00 = CONEMAP__ADD(CONEMAP__F1(h[0]), CONEMAP__MUL(low, fx));
-        h10 = CONEMAP__ADD(CONEMAP__F1(h[0]), CONEMAP__MUL(low, gx));
-        left = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__F1(h[2]), CONEMAP__MUL(high, fx)), h00);
-        right = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__F1(h[2]), CONEMAP__MUL(high, gx)), h10);
-        CONEMAP__STOREF(corners[0] + i, CONEMAP__ADD(h00, CONEMAP__MUL(left, fy)));
-        CONEMAP__STOREF(corners[1] + i, CONEMAP__ADD(h10, CONEMAP__MUL(right, fy)));
-        CONEMAP__STOREF(corners[2] + i, CONEMAP__ADD(h00, CONEMAP__MUL(left, gy)));
-        CONEMAP__STOREF(corners[3] + i, CONEMAP__ADD(h10, CONEMAP__MUL(right, gy)));
-        bound = CONEMAP__MAX(CONEMAP__MAX(CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[0] + i), x0, y0, v),
-                                          CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[1] + i), x1, y0, v)),
-                             CONEMAP__MAX(CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[2] + i), x0, y1, v),
-                                          CONEMAP__KERNEL(corner)(CONEMAP__LOADF(corners[3] + i), x1, y1, v)));
-        dx = CONEMAP__MAX(CONEMAP__MAX(x0, CONEMAP__SUB(zero, x1)), zero);
-        dy = CONEMAP__MAX(CONEMAP__MAX(y0, CONEMAP__SUB(zero, y1)), zero);
-        d2 = CONEMAP__ADD(CONEMAP__MUL(dx, dx), CONEMAP__MUL(dy, dy));
-        bound = CONEMAP__PICK(CONEMAP__LT(d2, CONEMAP__F1(2.0f * v)), CONEMAP__F1(CONEMAP__FAR), bound);
-        top = CONEMAP__MAX(CONEMAP__MAX(CONEMAP__LOADF(corners[0] + i), CONEMAP__LOADF(corners[1] + i)),
-                           CONEMAP__MAX(CONEMAP__LOADF(corners[2] + i), CONEMAP__LOADF(corners[3] + i)));
-        top = CONEMAP__MAX(top, zero);
-        bound = CONEMAP__MIN(bound, CONEMAP__DIV(CONEMAP__MUL(top, top), CONEMAP__MAX(d2, CONEMAP__F1(CONEMAP__TINY))));
-        bound = CONEMAP__MIN(bound, CONEMAP__F1(above));
-        CONEMAP__STOREF(bounds + i, bound);
-        open |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(best), bound)) << i;
-        loose |= CONEMAP__BITS(CONEMAP__LT(CONEMAP__MUL(d2, CONEMAP__F1(CONEMAP__TOLERANCE)), CONEMAP__F1(v))) << i;
+    bend = CONEMAP__SUB(x1, x0);
+    bend = a > 0.0f && b > 0.0f ? CONEMAP__DIV(CONEMAP__MUL(bend, bend), CONEMAP__F1(a * a + b * b))
+                                : CONEMAP__F1(0.0f);
+    x = CONEMAP__KERNEL(over)(CONEMAP__KERNEL(larger)(x0, x1), a);
+    y = CONEMAP__KERNEL(over)(CONEMAP__KERNEL(larger)(y0, y1), b);
+    steep = CONEMAP__ADD(CONEMAP__MUL(x, x), CONEMAP__MUL(y, y));
+    if (!CONEMAP__ANY(CONEMAP__LT(bend, steep))) return bend;
+    for (dy = -1; dy <= 1; ++dy)
+        for (dx = -1; dx <= 1; ++dx) {
+            if (dx == 0 && dy == 0) continue;
+            CONEMAP__KERNEL(corners)(outlook, i + dx, j + dy, h);
+            some = CONEMAP__OR(some, CONEMAP__KERNEL(limits)(outlook, h, i + dx, j + dy, dx, dy, 1));
+        }
+    return CONEMAP__PICK(some, CONEMAP__MAX(bend, steep), bend);
+}
+
+/* Does the sector hold these pairs, of cells (i, j) .. and vertices (u, v) .., although they lie beyond its diagonal? */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(pair_by_border)(const conemap__outlook *outlook, int i, int j, int u, int v) {
+    const conemap_info *info = &outlook->map->info;
+    return CONEMAP__OR(CONEMAP__KERNEL(by_border)(info, i + 1, i, j + 1, j),
+                       CONEMAP__KERNEL(by_border)(info, u, u, v, v));
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(vertices_row)(const conemap__outlook *outlook, int j, float least, int first,
+                                                     int count, float *out) {
+    const conemap_info *info = &outlook->map->info;
+    const conemap__sights *sights = outlook->sights;
+    int x, k, w = info->width;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        int u = first + x;
+        CONEMAP__F apex = CONEMAP__KERNEL(load)(conemap__level_row(outlook->map, j) + u, count - x);
+        CONEMAP__F best = CONEMAP__F1(least);
+        for (k = 0; k < 4; ++k)
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(own_corner)(outlook, apex, u, j, k & 1 ? 1 : -1, k & 2 ? 1 : -1));
+        for (k = 0; k < sights->count; ++k) {
+            int cell_i = u + sights->x[k], cell_j = j + sights->y[k];
+            CONEMAP__F h[4], h00, h10, h01, h11;
+            CONEMAP__M open;
+            if (info->wrap_v != CONEMAP_WRAP && (cell_j < -1 || cell_j >= info->height)) continue;
+            CONEMAP__KERNEL(corners)(outlook, cell_i, cell_j, h);
+            h00 = CONEMAP__SUB(h[0], apex);
+            h10 = CONEMAP__SUB(h[1], apex);
+            h01 = CONEMAP__SUB(h[2], apex);
+            h11 = CONEMAP__SUB(h[3], apex);
+            open = CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best);
+            if (!CONEMAP__ANY(open)) continue;
+            if (info->wrap_u != CONEMAP_WRAP) open = CONEMAP__ANDNOT(open, CONEMAP__KERNEL(beyond)(cell_i, -1, w - 1));
+            if (sights->by_border[k])
+                open = CONEMAP__AND(open, CONEMAP__KERNEL(pair_by_border)(outlook, cell_i, cell_j, u, j));
+            if (outlook->relaxed)
+                open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k], sights->y[k],
+                                                                  2));
+            if (!CONEMAP__ANY(open)) continue;
+            h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
+            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
+        }
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
-    open &= deep > 0.0f ? (1 << CONEMAP__EIGHTHS) - 1 : (1 << CONEMAP__EIGHTHS / 2) - 1; /* else the others are the
-                                                                                            same */
-    for (k = 0; open >> k; ++k)
-        if ((open & ~loose) >> k & 1) best = conemap__max(best, bounds[k]);
-    for (k = 0, open &= loose; open >> k; ++k) {
-        if (!(open >> k & 1) || !(bounds[k] > best)) continue;
-        for (c = 0; c < 4; ++c) turned[c] = corners[c][k];
-        best = CONEMAP__KERNEL(patch)(turned, x + conemap__piece_x[k] * size_x, y + conemap__piece_y[k] * size_y, wide,
-                                      deep, bounds[k], best);
+}
+
+/* Of cells (i, j) .., those from where some cell at vertices (u, v) .. falls. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(falls_at)(const conemap__outlook *outlook, int i, int j, int u, int v) {
+    CONEMAP__M some = CONEMAP__KERNEL(none)();
+    int k;
+    for (k = 0; k < 4; ++k) {
+        int x = u - (k & 1), y = v - (k >> 1);
+        CONEMAP__F h[4];
+        CONEMAP__KERNEL(corners)(outlook, x, y, h);
+        some = CONEMAP__OR(some, CONEMAP__KERNEL(limits)(outlook, h, x, y, x - i, y - j, 1));
     }
-    return best;
+    return some;
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(cells_row)(const conemap__outlook *outlook, int j, const float *known, int first,
+                                                  int count, float *out) {
+    const conemap_info *info = &outlook->map->info;
+    const conemap__sights *sights = outlook->sights;
+    int x, k, w = info->width, wraps = info->wrap_u == CONEMAP_WRAP;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        int i = first + x;
+        CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), h[4];
+        best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, i, w, wraps, 1, 0.0f));
+        best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, i + 1, w, wraps, 1, 0.0f));
+        best = CONEMAP__MAX(best, CONEMAP__KERNEL(own_cell)(outlook, i, j));
+        CONEMAP__KERNEL(corners)(outlook, i, j, h);
+        for (k = 0; k < sights->count; ++k) {
+            int u = i - sights->x[k], v = j - sights->y[k];
+            CONEMAP__F apex, h00, h10, h01, h11;
+            CONEMAP__M open;
+            if (info->wrap_v != CONEMAP_WRAP && (v < 0 || v >= info->height)) continue;
+            apex = CONEMAP__KERNEL(beside)(conemap__level_row(outlook->map, v), u, w, wraps, 1, 0.0f);
+            h00 = CONEMAP__SUB(apex, h[0]);
+            h10 = CONEMAP__SUB(apex, h[1]);
+            h01 = CONEMAP__SUB(apex, h[2]);
+            h11 = CONEMAP__SUB(apex, h[3]);
+            open = CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best);
+            if (!CONEMAP__ANY(open)) continue;
+            if (!wraps) open = CONEMAP__ANDNOT(open, CONEMAP__KERNEL(beyond)(u, 0, w - 1));
+            if (sights->by_border[k]) open = CONEMAP__AND(open, CONEMAP__KERNEL(pair_by_border)(outlook, i, j, u, v));
+            if (outlook->relaxed && CONEMAP__ANY(open))
+                open = CONEMAP__AND(open, CONEMAP__KERNEL(falls_at)(outlook, i, j, u, v));
+            if (!CONEMAP__ANY(open)) continue;
+            h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
+            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
+        }
+        CONEMAP__KERNEL(store)(out + x, best, count - x);
+    }
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, const int *columns, int n, int width,
@@ -17786,6 +17737,11 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
                                        conemap__texel_index(y, info->height, info->wrap_v));
         CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1, plain);
     }
+    if (search->is_away) {
+        k = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack, plain);
+        CONEMAP__KERNEL(work_off)(map, search, tile, stack, k, plain);
+        return;
+    }
     if (levels == 1) return; /* a single texel and its images */
     k = conemap__mini(3, levels - 1);
     stack[0].k = k;
@@ -17813,9 +17769,300 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
     tile->y = y0;
 }
 
+/* ---- the same in a sector, and for relaxed cones: see G E N E R A T I O N -----------------------------------------
+
+   A sector leaves texels and blocks out that are not ahead. Relaxed cones look for cells instead of texels, in the
+   maxima over those that fall, and at their far corners. */
+
+/* How far ahead of the tile's columns, or rows, places first..last are; `sign` 0 looks both ways. */
+CONEMAP__HELPER void CONEMAP__KERNEL(offsets)(int first, int last, int sign, conemap__offsets *out) {
+    int i;
+    for (i = 0; i < CONEMAP__TILE; i += CONEMAP__LANES) {
+        CONEMAP__F place = CONEMAP__LOADF(conemap__places + i), zero = CONEMAP__F1(0.0f), nearest, farthest;
+        CONEMAP__F after = CONEMAP__SUB(CONEMAP__F1((float)first), place);
+        CONEMAP__F before = CONEMAP__SUB(place, CONEMAP__F1((float)last));
+        nearest = sign > 0 ? after : sign < 0 ? before : CONEMAP__MAX(after, before);
+        farthest = sign > 0   ? CONEMAP__SUB(zero, before)
+                   : sign < 0 ? CONEMAP__SUB(zero, after)
+                              : CONEMAP__F1(CONEMAP__WIDE);
+        CONEMAP__STOREF(out->nearest + i, CONEMAP__MAX(nearest, zero));
+        CONEMAP__STOREF(out->farthest + i, farthest);
+    }
+}
+
+/* Of the tile's texels from number i on, those that may see something steeper than is known in a block as high as this,
+   of which nothing nearer than near2 counts. Leaves dh^2 and d^2. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(sees)(const conemap__search *search, const conemap__tile *tile, int i,
+                                                 const conemap__offsets *columns, const conemap__offsets *rows,
+                                                 float highest, float room, CONEMAP__F bar, CONEMAP__F *dh2,
+                                                 CONEMAP__F *d2) {
+    CONEMAP__F x = CONEMAP__LOADF(columns->nearest + i % CONEMAP__TILE), zero = CONEMAP__F1(0.0f);
+    CONEMAP__F y = CONEMAP__KERNEL(of_row)(rows->nearest + i / CONEMAP__TILE), dh;
+    CONEMAP__M seen;
+    dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), CONEMAP__LOADF(tile->height + i)), zero);
+    *dh2 = CONEMAP__MUL(dh, dh);
+    if (search->sector.major != 0) {
+        CONEMAP__F rooms = CONEMAP__MAX(CONEMAP__LOADF(tile->room + i), CONEMAP__F1(room));
+        if (search->sector.major == 1)
+            x = CONEMAP__MAX(x, CONEMAP__SUB(y, rooms));
+        else
+            y = CONEMAP__MAX(y, CONEMAP__SUB(x, rooms));
+    }
+    seen = CONEMAP__AND(CONEMAP__LE(x, CONEMAP__LOADF(columns->farthest + i % CONEMAP__TILE)),
+                        CONEMAP__LE(y, CONEMAP__KERNEL(of_row)(rows->farthest + i / CONEMAP__TILE)));
+    x = CONEMAP__MUL(x, CONEMAP__F1(search->a));
+    y = CONEMAP__MUL(y, CONEMAP__F1(search->b));
+    *d2 = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__MUL(x, x), CONEMAP__MUL(y, y)), CONEMAP__F1(search->deflate));
+    x = CONEMAP__MAX(*d2, CONEMAP__F1(search->near2 - search->deflate));
+    return CONEMAP__AND(seen, CONEMAP__LT(CONEMAP__MUL(bar, x), *dh2));
+}
+
+/* What texels from number i on see of the far corners, h high, of a cell at place (x, y), where it limits. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(far_corners)(const conemap__search *search, const conemap__tile *tile, int i,
+                                                        int x, int y, const float *h, int always) {
+    CONEMAP__F dx = CONEMAP__SUB(CONEMAP__F1((float)x), CONEMAP__LOADF(conemap__places + i % CONEMAP__TILE));
+    CONEMAP__F dy = CONEMAP__SUB(CONEMAP__F1((float)y), CONEMAP__KERNEL(of_row)(conemap__places + i / CONEMAP__TILE));
+    CONEMAP__F one = CONEMAP__F1(1.0f), zero = CONEMAP__F1(0.0f), best = zero, corners[4];
+    CONEMAP__M limits;
+    int c;
+    for (c = 0; c < 4; ++c) corners[c] = CONEMAP__F1(h[c]);
+    limits = CONEMAP__KERNEL(falls)(corners, CONEMAP__SUB(dx, one), CONEMAP__ADD(dx, CONEMAP__F1(2.0f)),
+                                    CONEMAP__SUB(dy, one), CONEMAP__ADD(dy, CONEMAP__F1(2.0f)));
+    if (always) limits = CONEMAP__LE(zero, zero);
+    if (!CONEMAP__ANY(limits)) return zero;
+    for (c = 0; c < 4; ++c) {
+        CONEMAP__F across = CONEMAP__MUL(c & 1 ? CONEMAP__ADD(dx, one) : dx, CONEMAP__F1(search->a));
+        CONEMAP__F down = CONEMAP__MUL(c & 2 ? CONEMAP__ADD(dy, one) : dy, CONEMAP__F1(search->b));
+        CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(corners[c], CONEMAP__LOADF(tile->height + i)), zero), d2;
+        CONEMAP__M counts;
+        d2 = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__MUL(across, across), CONEMAP__MUL(down, down)),
+                          CONEMAP__F1(search->deflate));
+        counts = CONEMAP__AND(limits, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
+        best = CONEMAP__MAX(best, CONEMAP__PICK(counts, CONEMAP__DIV(CONEMAP__MUL(dh, dh), d2), zero));
+    }
+    return best;
+}
+
+/* LANES texels of the tile, from number i on, are worked on for these groups. */
+#define CONEMAP__GROUP(i) (CONEMAP__LANES == 1 ? 4 * ((i) / (2 * CONEMAP__TILE)) + (i) % CONEMAP__TILE / 2 : 0)
+
+/* Tests texel (x, y) of the image at hand, or cell, against the tile's. */
+CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const conemap__search *search,
+                                                  conemap__tile *tile, int groups, int x, int y, float highest,
+                                                  int relaxed) {
+    const conemap_info *info = &map->info;
+    conemap__offsets columns, rows;
+    int left = x - tile->x, top = y - tile->y, always = 0, any = 0, number, i;
+    float h[4] = {0}, room = (float)search->room;
+    if (relaxed) {
+        conemap__corners corners = conemap__gather(map->heights, conemap__cell_quad(map, x, y));
+        h[0] = corners.h00;
+        h[1] = corners.h10;
+        h[2] = corners.h01;
+        h[3] = corners.h11;
+        always = (info->wrap_u != CONEMAP_WRAP && (x < 0 || x > info->width - 2)) ||
+                 (info->wrap_v != CONEMAP_WRAP && (y < 0 || y > info->height - 2));
+    } else if (search->sector.major != 0 && search->room && conemap__texels_by_border(info, x, x, y, y)) {
+        room = CONEMAP__WIDE;
+    }
+    CONEMAP__KERNEL(offsets)(left, left + relaxed, search->sector.su, &columns);
+    CONEMAP__KERNEL(offsets)(top, top + relaxed, search->sector.sv, &rows);
+    if (tile->noted == CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
+    number = tile->noted;
+    for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
+        CONEMAP__F s, least, dh2, d2, slope2;
+        CONEMAP__M beats;
+        if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
+        s = CONEMAP__LOADF(tile->slope2 + i);
+        least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
+        beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns, &rows, highest, room,
+                                      CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN)), &dh2, &d2);
+        if (!CONEMAP__ANY(beats)) continue;
+        if (relaxed) {
+            slope2 = CONEMAP__KERNEL(far_corners)(search, tile, i, left, top, h, always);
+        } else {
+            beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
+            slope2 = CONEMAP__DIV(dh2, d2);
+        }
+        beats = CONEMAP__AND(beats, CONEMAP__LT(least, slope2));
+        if (!CONEMAP__ANY(beats)) continue;
+        CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
+        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number), CONEMAP__LOADI(tile->decider + i)));
+        any = 1;
+    }
+    if (!any) return;
+    tile->noted_x[number] = x + tile->shift_x;
+    tile->noted_y[number] = y + tile->shift_y;
+    ++tile->noted;
+}
+
+/* The maxima of the children of block (x, y) of level k + 1. Of cells, those that fall for flights from the tile to the
+   child. */
+CONEMAP__HELPER void CONEMAP__KERNEL(four_maxima)(const conemap_map *map, const conemap__tile *tile, int k, int x,
+                                                  int y, float *highest, int relaxed) {
+    const conemap_pyramid *pyramid = &map->build.texels;
+    int size = 1 << k, c, q;
+    if (relaxed) {
+        int left = 2 * size * x + conemap__outer_first(map->info.wrap_u) - tile->x;
+        int top = 2 * size * y + conemap__outer_first(map->info.wrap_v) - tile->y;
+        int along[2][2], across[2][2]; /* is some cell there flown through to the right or left, down or up? */
+        for (c = 0; c < 2; ++c) {
+            along[c][0] = left + (c + 1) * size - 1 >= -1;
+            along[c][1] = left + c * size < CONEMAP__TILE;
+            across[c][0] = top + (c + 1) * size - 1 >= -1;
+            across[c][1] = top + c * size < CONEMAP__TILE;
+        }
+        for (c = 0; c < 4; ++c) highest[c] = -1.0f;
+        for (q = 0; q < 4; ++q) {
+            const float *falling = conemap__children(&map->build.falling[q], k, x, y);
+            for (c = 0; c < 4; ++c)
+                if (along[c & 1][q & 1] && across[c >> 1][q >> 1]) highest[c] = conemap__max(highest[c], falling[c]);
+        }
+    } else {
+        int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k];
+        const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
+        highest[0] = row[0];
+        highest[1] = right_too ? row[1] : -1.0f;
+        highest[2] = below_too ? row[pyramid->width[k]] : -1.0f;
+        highest[3] = right_too && below_too ? row[pyramid->width[k] + 1] : -1.0f;
+    }
+}
+
+/* As `open`. */
+CONEMAP__HELPER int CONEMAP__KERNEL(open_part)(const conemap_map *map, const conemap__search *search,
+                                               conemap__tile *tile, int k, int x, int y, int groups, int skip,
+                                               conemap__node *out, int relaxed) {
+    const conemap_info *info = &map->info;
+    conemap__offsets columns[2], rows[2];
+    int size = 1 << k, first_x = 2 * size * x + (relaxed ? conemap__outer_first(info->wrap_u) : 0), c, i, count = 0;
+    int first_y = 2 * size * y + (relaxed ? conemap__outer_first(info->wrap_v) : 0), left = first_x - tile->x;
+    int top = first_y - tile->y, near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
+    float highest[4];
+    CONEMAP__KERNEL(four_maxima)(map, tile, k, x, y, highest, relaxed);
+    if (skip >= 0) highest[skip] = -1.0f;
+    for (c = 0; c < 2; ++c) {
+        int last = (c + 1) * size - 1 + relaxed;
+        CONEMAP__KERNEL(offsets)(left + c * size, left + last, search->sector.su, &columns[c]);
+        CONEMAP__KERNEL(offsets)(top + c * size, top + last, search->sector.sv, &rows[c]);
+    }
+    for (c = 3; c >= 0; --c) {
+        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y, alive = 0;
+        float high = highest[2 * down + across], room = (float)search->room;
+        if (!(high > tile->ground)) continue;
+        if (!relaxed) {
+            int x0 = across * size, x1 = x0 + size - 1, y0 = down * size, y1 = y0 + size - 1, dx, dy, whole;
+            whole = search->sector.major != 0 && search->room &&
+                    conemap__texels_by_border(info, first_x + x0, first_x + x1, first_y + y0, first_y + y1);
+            if (whole) room = CONEMAP__WIDE;
+            if (!conemap__meets(search->sector, search->room, whole || tile->by_border, left + x0 - CONEMAP__TILE + 1,
+                                left + x1, top + y0 - CONEMAP__TILE + 1, top + y1, &dx, &dy))
+                continue;
+        }
+        for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
+            CONEMAP__F bar, dh2, d2, folded;
+            CONEMAP__M beats;
+            if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
+            folded = CONEMAP__LOADF(tile->folded + i);
+            bar = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__LOADF(tile->slope2 + i), folded), CONEMAP__F1(CONEMAP__MARGIN));
+            beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns[across], &rows[down], high, room, bar, &dh2, &d2);
+            if (!relaxed && search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
+                bar = CONEMAP__MUL(bar, CONEMAP__F1(search->widen2));
+                beats = CONEMAP__KERNEL(beats_by_far)(search, beats, bar, dh2, d2, &folded);
+                CONEMAP__STOREF(tile->folded + i, folded);
+            }
+            alive |= CONEMAP__ANY(beats) ? 1 << CONEMAP__GROUP(i) : 0;
+        }
+        out[count].k = k;
+        out[count].x = 2 * x + across;
+        out[count].y = 2 * y + down;
+        out[count].groups = alive;
+        count += alive != 0;
+    }
+    return count;
+}
+
+CONEMAP__HELPER void CONEMAP__KERNEL(work_off_part)(const conemap_map *map, const conemap__search *search,
+                                                    conemap__tile *tile, conemap__node *stack, int count, int relaxed) {
+    while (count > 0) {
+        conemap__node node = stack[--count];
+        float highest[4];
+        int c;
+        if (node.k > 1) {
+            count += CONEMAP__KERNEL(open_part)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1,
+                                                stack + count, relaxed);
+            continue;
+        }
+        CONEMAP__KERNEL(four_maxima)(map, tile, 0, node.x, node.y, highest, relaxed);
+        for (c = 0; c < 4; ++c)
+            if (highest[c] > tile->ground)
+                CONEMAP__KERNEL(look_at_one)(map, search, tile, node.groups,
+                                             2 * node.x + (c & 1) +
+                                             (relaxed ? conemap__outer_first(map->info.wrap_u) : 0),
+                                             2 * node.y + (c >> 1) +
+                                             (relaxed ? conemap__outer_first(map->info.wrap_v) : 0),
+                                             highest[c], relaxed);
+    }
+}
+
+CONEMAP__HELPER void CONEMAP__KERNEL(search_part)(const conemap_map *map, const conemap__search *search,
+                                                  conemap__tile *tile, int relaxed) {
+    conemap__node stack[3 * 17 + 4];
+    const conemap_info *info = &map->info;
+    int levels = relaxed ? map->build.falling[0].levels : map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b;
+    int x = relaxed ? x0 - conemap__outer_first(info->wrap_u) : x0, all = CONEMAP__LANES == 1 ? 0xffff : 1;
+    int y = relaxed ? y0 - conemap__outer_first(info->wrap_v) : y0, images_u, images_v, count;
+    tile->ground = 2.0f;
+    tile->by_border = 0;
+    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
+        int i = x0 + k % CONEMAP__TILE, j = y0 + k / CONEMAP__TILE;
+        int whole = search->sector.major != 0 && search->room && conemap__texels_by_border(info, i, i, j, j);
+        tile->room[k] = whole ? CONEMAP__WIDE : 0.0f;
+        tile->by_border |= whole;
+        tile->ground = conemap__min(tile->ground, tile->height[k]);
+    }
+    tile->shift_x = tile->shift_y = 0;
+    for (k = 0; k < search->seeds; ++k) {
+        conemap__corners corners = conemap__gather(
+            map->heights, conemap__cell_quad(map, search->seed_x[k], search->seed_y[k]));
+        CONEMAP__KERNEL(look_at_one)(map, search, tile, all, search->seed_x[k], search->seed_y[k],
+                                     relaxed ? conemap__highest(corners) : corners.h00, relaxed);
+    }
+    if (levels == 1) return; /* a single texel and its images */
+    k = conemap__mini(3, levels - 1);
+    stack[0].k = k;
+    stack[0].x = x >> k;
+    stack[0].y = y >> k;
+    stack[0].groups = all;
+    CONEMAP__KERNEL(work_off_part)(map, search, tile, stack, 1, relaxed);
+    for (; k + 1 < levels; ++k) {
+        int own = (y >> k & 1) << 1 | (x >> k & 1);
+        count = CONEMAP__KERNEL(open_part)(map, search, tile, k, x >> (k + 1), y >> (k + 1), all, own, stack, relaxed);
+        CONEMAP__KERNEL(work_off_part)(map, search, tile, stack, count, relaxed);
+    }
+    images_u = conemap__images(map, search, tile, 0);
+    images_v = conemap__images(map, search, tile, 1);
+    for (b = -images_v; b <= images_v; ++b)
+        for (a = -images_u; a <= images_u; ++a) {
+            if ((a == 0 && b == 0) || a * search->sector.su < 0 || b * search->sector.sv < 0) continue;
+            tile->shift_x = a * info->width;
+            tile->shift_y = b * info->height;
+            tile->x = x0 - tile->shift_x;
+            tile->y = y0 - tile->shift_y;
+            count = CONEMAP__KERNEL(open_part)(map, search, tile, levels - 1, 0, 0, all, -1, stack, relaxed);
+            CONEMAP__KERNEL(work_off_part)(map, search, tile, stack, count, relaxed);
+        }
+    tile->x = x0;
+    tile->y = y0;
+}
+#undef CONEMAP__GROUP
+
 CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, conemap__search *search,
                                                     conemap__tile *tile) {
-    if (search->deflate > 0.0f || search->near2 > 0.0f || search->widen2 > 1.0f)
+    if (search->relaxed)
+        CONEMAP__KERNEL(search_part)(map, search, tile, 1);
+    else if (search->sector.su != 0)
+        CONEMAP__KERNEL(search_part)(map, search, tile, 0);
+    else if (search->deflate > 0.0f || search->near2 > 0.0f || search->widen2 > 1.0f)
         CONEMAP__KERNEL(search_all)(map, search, tile, 0);
     else
         CONEMAP__KERNEL(search_all)(map, search, tile, 1);

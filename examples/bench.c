@@ -261,8 +261,32 @@ static int bench_large(void) {
     return 1;
 }
 
+/* Cones of so many sectors, against those of all directions. */
+static int bench_sectors(const char *map_name, const struct image *image) {
+    static const int sectors[3] = {0, 4, 8};
+    double times[3][ROUNDS];
+    for (int r = 0; r < ROUNDS; ++r)
+        for (int k = 0; k < 3; ++k) {
+            conemap_desc desc;
+            conemap_map map;
+            describe(&desc, image);
+            desc.keep_pyramid = 0;
+            desc.isa = wide_isa();
+            desc.texture.sectors = sectors[k];
+            double start = now();
+            conemap_result result = conemap_build(&desc, &map);
+            times[k][r] = now() - start;
+            if (result != CONEMAP_OK) return fail_result("build", result);
+            conemap_free(&map);
+            part_done();
+        }
+    goal("lanes.sectors-4/safe", map_name, median_ratio(times[1], times[0]), 1, 8.0);
+    goal("lanes.sectors-8/safe", map_name, median_ratio(times[2], times[0]), 1, 12.0);
+    return 1;
+}
+
 static int bench_all_lanes(void) {
-    parts += 4.0 * ROUNDS * (double)VARIANTS + 3.0 * ROUNDS + 3.0;
+    parts += 4.0 * ROUNDS * (double)VARIANTS + 3.0 * ROUNDS + 3.0 + 12.0 * ROUNDS;
     for (int kind = FBM; kind <= SPIKES + 1; ++kind) {
         struct image image;
         const char *name = kind > SPIKES ? "white" : name_of(procedural_names, kind);
@@ -273,6 +297,12 @@ static int bench_all_lanes(void) {
 #ifdef HAVE_THREADS
         if (kind == FBM && !bench_threads(&image)) return 0;
 #endif
+        image_free(&image);
+    }
+    for (int kind = FBM; kind <= WHITE; ++kind) {
+        struct image image;
+        if (!procedural_image(kind, 512, 1, &image)) return 0;
+        if (!bench_sectors(name_of(procedural_names, kind), &image)) return 0;
         image_free(&image);
     }
     return bench_rows() && bench_large();
