@@ -2281,9 +2281,8 @@ CONEMAP__INLINE int conemap__images(const conemap_map *map, const conemap__searc
     return 1 + (int)conemap__min(reach, (float)(2 + other / size));
 }
 
-/* What is known of cells that fall: see S A F E   C O N E S. */
-enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
-CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap);
+/* Relaxed cones: the number of the first cell along an axis, those outside a border included. */
+CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
 
 /* A row of heights for cells, which lie level across beyond borders. */
 CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
@@ -3314,7 +3313,10 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
    steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
    the order, which is
-   always this one: a job's tiles row by row. */
+   always this one: a job's tiles row by row.
+   In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
+   at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
+   a tile knows in which of them it flies through a block. */
 
 #define CONEMAP__LEAST_SLACK 0.5f /* to fold bounds in takes more time than less slack spares */
 
@@ -3684,11 +3686,13 @@ static void conemap__sights_rows(const conemap__band *band, const conemap__sight
    three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm
    2]'s rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's
    near corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds
-   of conemap__safe_vertex (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
+   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
    longest gradient if a cell around it falls, and inside P itself the
    bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
    |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
    falls: cells outside, whose corners repeat the border, see to that. */
+
+enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
 
 /* The directions in which some side of cell (i, j) falls; down is towards greater v. */
 static int conemap__falling(const conemap_map *map, int i, int j) {
@@ -3710,13 +3714,6 @@ static int conemap__falling(const conemap_map *map, int i, int j) {
     return flags;
 }
 
-/* The directions in which cells low_i..high_i, low_j..high_j are flown through, seen from the cells at vertex (i,
-   j). */
-CONEMAP__INLINE int conemap__flown(int low_i, int high_i, int low_j, int high_j, int i, int j) {
-    return (high_i >= i - 1 ? CONEMAP__FALLS_RIGHT : 0) | (low_i <= i ? CONEMAP__FALLS_LEFT : 0) |
-           (high_j >= j - 1 ? CONEMAP__FALLS_DOWN : 0) | (low_j <= j ? CONEMAP__FALLS_UP : 0);
-}
-
 /* The least product of numbers in two ranges. */
 CONEMAP__INLINE float conemap__least_product(float a0, float a1, float b0, float b1) {
     return conemap__min(conemap__min(a0 * b0, a0 * b1), conemap__min(a1 * b0, a1 * b1));
@@ -3736,8 +3733,7 @@ CONEMAP__INLINE int conemap__limits(const conemap_map *map, int i, int j, int ui
     return conemap__falls_seen(map, i, j, i - ui - 1, i - ui + 2, j - uj - 1, j - uj + 2);
 }
 
-/* Cells with those outside a border: numbered from `first` on along each axis. */
-CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
+/* Cells along an axis, with those outside a border. */
 CONEMAP__INLINE int conemap__outer_count(int size, conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? size : size + 1; }
 
 /* The highest corner of a cell that falls to the right or left (quadrant bit 0), or down or up (bit 1); else -1. */
