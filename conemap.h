@@ -241,6 +241,9 @@ typedef enum conemap_generator {
                                         where the ground is rough they are hardly wider than CONEMAP_EXACT's */
     CONEMAP_RELAXED_EXACT_RING,      /* the same by ring search; slow, the reference */
     CONEMAP_HYBRID,                  /* between RING and RELAXED by hybrid_weight [CHRS17] */
+    CONEMAP_HEIGHTS,                 /* no search: cones without width, which are safe. In no time, for what reads
+                                        heights and maxima only: conemap_prepare, MAXMIP, QDM, LINEAR. EXACT goes from
+                                        cell to cell over them; the other tracers get nowhere */
     CONEMAP_GENERATOR_COUNT
 } conemap_generator;
 
@@ -3477,7 +3480,7 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
         float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
-    default: return 0.0f; /* other generators work on rows */
+    default: return 0.0f; /* HEIGHTS; other generators work on rows */
     }
 }
 
@@ -3807,6 +3810,7 @@ static int conemap__needs_pyramid(conemap_generator generator) {
 
 /* Are the cones made for interpolation? Then bands collect slopes, and correction would be in vain. */
 static int conemap__is_bilinear(const conemap_info *info) {
+    if (info->generator == CONEMAP_HEIGHTS) return 0;
     return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
 }
 
@@ -3836,6 +3840,7 @@ static void conemap__safe_texel(conemap_map *map) {
 static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
     switch (desc->generator) {
     case CONEMAP_EXACT: return desc->guarantee;
+    case CONEMAP_HEIGHTS: return CONEMAP_GUARANTEE_BILINEAR;
     case CONEMAP_RELAXED_EXACT:
     case CONEMAP_RELAXED_EXACT_RING: return CONEMAP_GUARANTEE_RELAXED_BILINEAR;
     case CONEMAP_QUICK_NAIVE:
