@@ -3613,9 +3613,9 @@ static int conemap__collect(const conemap_map *map, int sector, int j, int y0, i
 /* Along an axis, whole texels from a vertex to a cell whose lower corner is x texels away, ahead if not negative. */
 CONEMAP__INLINE int conemap__ahead(int x, int sign, int step) { return step == 0 ? 0 : sign > 0 ? x : -x - 1; }
 
-/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of up
-   to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see the
-   vertex (-1); the diagonal's are in both octants. */
+/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of
+   up to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see
+   the vertex (-1); the diagonal's are in both octants. */
 static void conemap__find_sights(const conemap__band *band, float near2, int sign, conemap__sights *sights) {
     const conemap_info *info = &band->map->info;
     double a = (double)band->a, b = (double)band->b;
@@ -4317,7 +4317,8 @@ static void conemap__cells_row(const conemap__outlook *outlook, const conemap__b
             kernels->cells_row(outlook, j, known, first, run, out + first);
     }
     /* those that have their place elsewhere */
-    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP) kernels->cells_row(outlook, j, known, -1, 1, out);
+    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP)
+        kernels->cells_row(outlook, j, known, -1, 1, out);
     if (conemap__cell_exists(map, w - 1, j) && count < w)
         kernels->cells_row(outlook, j, known, w - 1, 1, out + count - 1);
 }
@@ -14856,10 +14857,10 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(falls)(const CONEMAP__F *h, CONEMAP__
     return CONEMAP__LT(CONEMAP__ADD(along, across), CONEMAP__F1(0.0f));
 }
 
-/* The same of cells (i, j), (i + 1, j) .. for flights of dx - 1..dx + reach, dy - 1..dy + reach: beyond a border always,
-   since flights that come from the map lead out there. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(limits)(const conemap__outlook *outlook, const CONEMAP__F *h, int i, int j, int dx,
-                                                   int dy, int reach) {
+/* The same of cells (i, j), (i + 1, j) .. for flights of dx - 1..dx + reach, dy - 1..dy + reach: beyond a border
+   always, since flights that come from the map lead out there. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(limits)(const conemap__outlook *outlook, const CONEMAP__F *h, int i, int j,
+                                                   int dx, int dy, int reach) {
     const conemap_info *info = &outlook->map->info;
     CONEMAP__M limits = CONEMAP__KERNEL(falls)(h, CONEMAP__F1((float)(dx - 1)), CONEMAP__F1((float)(dx + reach)),
                                                CONEMAP__F1((float)(dy - 1)), CONEMAP__F1((float)(dy + reach)));
@@ -14890,8 +14891,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(ascent2)(const conemap__outlook *outl
 }
 
 /* Step 3: texels (i, j), (i + 1, j) .. look over the cells of theirs that lie towards (si, sj). */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_corner)(const conemap__outlook *outlook, CONEMAP__F apex, int i, int j, int si,
-                                                       int sj) {
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_corner)(const conemap__outlook *outlook, CONEMAP__F apex, int i, int j,
+                                                       int si, int sj) {
     const conemap_info *info = &outlook->map->info;
     const float a = outlook->a, b = outlook->b;
     const CONEMAP__F zero = CONEMAP__F1(0.0f);
@@ -14950,8 +14951,10 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_cell)(const conemap__outlook *out
     return CONEMAP__PICK(some, CONEMAP__MAX(bend, steep), bend);
 }
 
-/* Does the sector hold these pairs, of cells (i, j) .. and vertices (u, v) .., although they lie beyond its diagonal? */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(pair_by_border)(const conemap__outlook *outlook, int i, int j, int u, int v) {
+/* Does the sector hold these pairs, of cells (i, j) .. and vertices (u, v) .., although they lie beyond its
+   diagonal? */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(pair_by_border)(const conemap__outlook *outlook, int i, int j, int u,
+                                                           int v) {
     const conemap_info *info = &outlook->map->info;
     return CONEMAP__OR(CONEMAP__KERNEL(by_border)(info, i + 1, i, j + 1, j),
                        CONEMAP__KERNEL(by_border)(info, u, u, v, v));
@@ -14984,8 +14987,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(vertices_row)(const conemap__outlook *out
             if (sights->by_border[k])
                 open = CONEMAP__AND(open, CONEMAP__KERNEL(pair_by_border)(outlook, cell_i, cell_j, u, j));
             if (outlook->relaxed)
-                open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k], sights->y[k],
-                                                                  2));
+                open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k],
+                                                                  sights->y[k], 2));
             if (!CONEMAP__ANY(open)) continue;
             h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
             best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
@@ -15487,7 +15490,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const 
         beats = CONEMAP__AND(beats, CONEMAP__LT(least, slope2));
         if (!CONEMAP__ANY(beats)) continue;
         CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
-        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number), CONEMAP__LOADI(tile->decider + i)));
+        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number),
+                                                          CONEMAP__LOADI(tile->decider + i)));
         any = 1;
     }
     if (!any) return;
