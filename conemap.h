@@ -241,6 +241,9 @@ typedef enum conemap_generator {
                                         where the ground is rough they are hardly wider than CONEMAP_EXACT's */
     CONEMAP_RELAXED_EXACT_RING,      /* the same by ring search; slow, the reference */
     CONEMAP_HYBRID,                  /* between RING and RELAXED by hybrid_weight [CHRS17] */
+    CONEMAP_HEIGHTS,                 /* no search: cones without width, which are safe. In no time, for what reads
+                                        heights and maxima only: conemap_prepare, MAXMIP, QDM, LINEAR. EXACT goes from
+                                        cell to cell over them; the other tracers get nowhere */
     CONEMAP_GENERATOR_COUNT
 } conemap_generator;
 
@@ -290,7 +293,8 @@ typedef struct conemap_texture {
                                which holds nothing in the directions of its sector (see conemap_sector): wider, for a
                                ray meets nothing else. In sectors / 4 RGBA textures, the heights in one of their own.
                                With CONEMAP_EXACT; not with CONEMAP_DUMMER. Steps of grazing rays, of those with 1: 4
-                               takes 0.5 to 0.8, 8 takes 0.4 to 0.7; on white noise both 0.97 */
+                               takes 0.5 to 0.8, 8 takes 0.4 to 0.7; on white noise both 0.97. Time to build: 4 takes
+                               3 to 4 times as long, 8 takes 6 to 9 */
 } conemap_texture;
 
 /* Allocation callbacks, both or neither. `allocate` returns memory aligned to CONEMAP_ALIGNMENT, or null. */
@@ -2395,9 +2399,8 @@ CONEMAP__INLINE int conemap__images(const conemap_map *map, const conemap__searc
     return 1 + (int)conemap__min(reach, (float)(2 + other / size));
 }
 
-/* What is known of cells that fall: see S A F E   C O N E S. */
-enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
-CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap);
+/* Relaxed cones: the number of the first cell along an axis, those outside a border included. */
+CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
 
 /* A row of heights for cells, which lie level across beyond borders. */
 CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
@@ -3434,7 +3437,10 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
    steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
    the order, which is
-   always this one: a job's tiles row by row. */
+   always this one: a job's tiles row by row.
+   In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
+   at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
+   a tile knows in which of them it flies through a block. */
 
 #define CONEMAP__LEAST_SLACK 0.5f /* to fold bounds in takes more time than less slack spares */
 
@@ -3598,7 +3604,7 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
         float wide = conemap__tangent(map, conemap__ring(map, CONEMAP_RELAXED, i, j));
         return conemap__max(narrow, conemap__min(narrow + (wide - narrow) * map->build.desc.hybrid_weight, wide));
     }
-    default: return 0.0f; /* other generators work on rows */
+    default: return 0.0f; /* HEIGHTS; other generators work on rows */
     }
 }
 
@@ -3730,9 +3736,9 @@ static int conemap__collect(const conemap_map *map, int sector, int j, int y0, i
 /* Along an axis, whole texels from a vertex to a cell whose lower corner is x texels away, ahead if not negative. */
 CONEMAP__INLINE int conemap__ahead(int x, int sign, int step) { return step == 0 ? 0 : sign > 0 ? x : -x - 1; }
 
-/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of up
-   to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see the
-   vertex (-1); the diagonal's are in both octants. */
+/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of
+   up to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see
+   the vertex (-1); the diagonal's are in both octants. */
 static void conemap__find_sights(const conemap__band *band, float near2, int sign, conemap__sights *sights) {
     const conemap_info *info = &band->map->info;
     double a = (double)band->a, b = (double)band->b;
@@ -3809,11 +3815,13 @@ static void conemap__sights_rows(const conemap__band *band, const conemap__sight
    three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm
    2]'s rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's
    near corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds
-   of conemap__safe_vertex (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
+   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
    longest gradient if a cell around it falls, and inside P itself the
    bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
    |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
    falls: cells outside, whose corners repeat the border, see to that. */
+
+enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
 
 /* The directions in which some side of cell (i, j) falls; down is towards greater v. */
 static int conemap__falling(const conemap_map *map, int i, int j) {
@@ -3835,13 +3843,6 @@ static int conemap__falling(const conemap_map *map, int i, int j) {
     return flags;
 }
 
-/* The directions in which cells low_i..high_i, low_j..high_j are flown through, seen from the cells at vertex (i,
-   j). */
-CONEMAP__INLINE int conemap__flown(int low_i, int high_i, int low_j, int high_j, int i, int j) {
-    return (high_i >= i - 1 ? CONEMAP__FALLS_RIGHT : 0) | (low_i <= i ? CONEMAP__FALLS_LEFT : 0) |
-           (high_j >= j - 1 ? CONEMAP__FALLS_DOWN : 0) | (low_j <= j ? CONEMAP__FALLS_UP : 0);
-}
-
 /* The least product of numbers in two ranges. */
 CONEMAP__INLINE float conemap__least_product(float a0, float a1, float b0, float b1) {
     return conemap__min(conemap__min(a0 * b0, a0 * b1), conemap__min(a1 * b0, a1 * b1));
@@ -3861,8 +3862,7 @@ CONEMAP__INLINE int conemap__limits(const conemap_map *map, int i, int j, int ui
     return conemap__falls_seen(map, i, j, i - ui - 1, i - ui + 2, j - uj - 1, j - uj + 2);
 }
 
-/* Cells with those outside a border: numbered from `first` on along each axis. */
-CONEMAP__INLINE int conemap__outer_first(conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? 0 : -1; }
+/* Cells along an axis, with those outside a border. */
 CONEMAP__INLINE int conemap__outer_count(int size, conemap_wrap wrap) { return wrap == CONEMAP_WRAP ? size : size + 1; }
 
 /* The highest corner of a cell that falls to the right or left (quadrant bit 0), or down or up (bit 1); else -1. */
@@ -3936,6 +3936,7 @@ static int conemap__needs_pyramid(conemap_generator generator) {
 
 /* Are the cones made for interpolation? Then bands collect slopes, and correction would be in vain. */
 static int conemap__is_bilinear(const conemap_info *info) {
+    if (info->generator == CONEMAP_HEIGHTS) return 0;
     return info->guarantee == CONEMAP_GUARANTEE_BILINEAR || info->guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
 }
 
@@ -3965,6 +3966,7 @@ static void conemap__safe_texel(conemap_map *map) {
 static conemap_guarantee conemap__guarantee_of(const conemap_desc *desc) {
     switch (desc->generator) {
     case CONEMAP_EXACT: return desc->guarantee;
+    case CONEMAP_HEIGHTS: return CONEMAP_GUARANTEE_BILINEAR;
     case CONEMAP_RELAXED_EXACT:
     case CONEMAP_RELAXED_EXACT_RING: return CONEMAP_GUARANTEE_RELAXED_BILINEAR;
     case CONEMAP_QUICK_NAIVE:
@@ -4459,7 +4461,8 @@ static void conemap__cells_row(const conemap__outlook *outlook, const conemap__b
     for (; (run = conemap__next_run(map, band->sector.number, &x, end, place, CONEMAP__SEARCH)) > 0; x += run)
         kernels->cells_row(outlook, j, known, x, run, out + x);
     /* those that have their place elsewhere */
-    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP) kernels->cells_row(outlook, j, known, -1, 1, out);
+    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP)
+        kernels->cells_row(outlook, j, known, -1, 1, out);
     if (conemap__cell_exists(map, w - 1, j) && count < w)
         kernels->cells_row(outlook, j, known, w - 1, 1, out + count - 1);
 }
@@ -6242,16 +6245,16 @@ static const conemap__plan_row conemap__plan_rows[] = {
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.1f,
      {{{0.000f, 0.000f, 0.882f, 0.052f, 0.000f, 0.000f}, 0.00f, 1.04f, 0.00f, 0.00f}, /* 10 % */
      {{0.000f, 0.000f, 1.137f, 0.000f, 0.000f, 0.000f}, 0.00f, 1.05f, 0.00f, 0.00f}}}, /* 16 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 4, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 50.4f,
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 4, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 7.2f,
      {{{0.000f, 0.000f, 0.704f, 0.134f, 0.129f, 0.000f}, 0.00f, 1.25f, 0.00f, 0.00f}, /* 6 % */
      {{0.000f, 0.000f, 0.934f, 0.000f, 0.000f, 0.002f}, 0.00f, 1.22f, 0.00f, 0.00f}}}, /* 21 % */
-    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 8, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 109.5f,
+    {CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, 0, 1, 8, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 16.0f,
      {{{0.000f, 0.000f, 0.633f, 0.141f, 0.442f, 0.000f}, 0.00f, 1.38f, 0.00f, 0.00f}, /* 6 % */
      {{0.000f, 0.000f, 0.774f, 0.000f, 0.000f, 0.078f}, 0.00f, 1.32f, 0.00f, 0.00f}}}, /* 24 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.8f,
+    {CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 1, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 2.0f,
      {{{0.324f, 0.095f, 0.959f, 0.000f, 0.000f, 0.000f}, 0.17f, 0.20f, 0.00f, 0.00f}, /* 6 % */
      {{0.000f, 0.000f, 0.436f, 0.000f, 0.000f, 0.475f}, 0.08f, 0.22f, 0.00f, 0.00f}}}, /* 36 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0.9f,
+    {CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_MAXMIP, CONEMAP_REFINE_NONE, 0, 0.1f,
      {{{0.000f, 1.386f, 0.000f, 0.048f, 0.000f, 1.339f}, 2.16f, 0.21f, 0.00f, 0.00f}, /* 5 % */
      {{0.000f, 0.000f, 1.596f, 0.000f, 0.000f, 1.184f}, 0.00f, 0.44f, 0.00f, 0.00f}}}, /* 14 % */
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT, CONEMAP_REFINE_NONE, 0, 1.0f,
@@ -6269,13 +6272,13 @@ static const conemap__plan_row conemap__plan_rows[] = {
     {CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_EXACT_STEP, CONEMAP_REFINE_SECANT, 0, 1.0f,
      {{{0.000f, 0.381f, 0.335f, 0.030f, 0.000f, 0.000f}, 0.89f, 0.66f, 0.832f, 131.f}, /* 10 % */
      {{0.000f, 0.828f, 0.059f, 0.029f, 0.248f, 0.000f}, 0.29f, 0.98f, 0.803f, 55.2f}}}, /* 14 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0.9f,
+    {CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_QDM, CONEMAP_REFINE_NONE, 0, 0.1f,
      {{{1.642f, 1.443f, 0.000f, 0.000f, 0.000f, 0.554f}, 0.51f, 0.43f, 0.125f, 10.3f}, /* 6 % */
      {{0.000f, 0.000f, 1.487f, 0.000f, 0.000f, 1.109f}, 0.00f, 0.55f, 0.0193f, 1.10f}}}, /* 15 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200, 0.9f,
+    {CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 200, 0.1f,
      {{{0.000f, 0.000f, 0.000f, 3.023f, 160.348f, 0.000f}, 2.23f, 0.17f, 0.691f, 43.3f}, /* 4 % */
      {{0.000f, 0.000f, 2.156f, 0.000f, 142.546f, 0.000f}, 0.00f, 0.28f, 9.29f, 242.f}}}, /* 12 % */
-    {CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32, 0.9f,
+    {CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_BILINEAR, 0, 0, 0, 0, CONEMAP_TRACE_LINEAR, CONEMAP_REFINE_SECANT, 32, 0.1f,
      {{{0.000f, 0.000f, 0.000f, 0.532f, 26.184f, 0.000f}, 1.58f, 0.17f, 0.558f, 55.5f}, /* 4 % */
      {{0.000f, 0.000f, 0.538f, 0.000f, 22.164f, 0.000f}, 0.57f, 0.37f, 2.91f, 107.f}}}, /* 11 % */
 };
@@ -17251,10 +17254,10 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(falls)(const CONEMAP__F *h, CONEMAP__
     return CONEMAP__LT(CONEMAP__ADD(along, across), CONEMAP__F1(0.0f));
 }
 
-/* The same of cells (i, j), (i + 1, j) .. for flights of dx - 1..dx + reach, dy - 1..dy + reach: beyond a border always,
-   since flights that come from the map lead out there. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(limits)(const conemap__outlook *outlook, const CONEMAP__F *h, int i, int j, int dx,
-                                                   int dy, int reach) {
+/* The same of cells (i, j), (i + 1, j) .. for flights of dx - 1..dx + reach, dy - 1..dy + reach: beyond a border
+   always, since flights that come from the map lead out there. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(limits)(const conemap__outlook *outlook, const CONEMAP__F *h, int i, int j,
+                                                   int dx, int dy, int reach) {
     const conemap_info *info = &outlook->map->info;
     CONEMAP__M limits = CONEMAP__KERNEL(falls)(h, CONEMAP__F1((float)(dx - 1)), CONEMAP__F1((float)(dx + reach)),
                                                CONEMAP__F1((float)(dy - 1)), CONEMAP__F1((float)(dy + reach)));
@@ -17285,8 +17288,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(ascent2)(const conemap__outlook *outl
 }
 
 /* Step 3: texels (i, j), (i + 1, j) .. look over the cells of theirs that lie towards (si, sj). */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_corner)(const conemap__outlook *outlook, CONEMAP__F apex, int i, int j, int si,
-                                                       int sj) {
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_corner)(const conemap__outlook *outlook, CONEMAP__F apex, int i, int j,
+                                                       int si, int sj) {
     const conemap_info *info = &outlook->map->info;
     const float a = outlook->a, b = outlook->b;
     const CONEMAP__F zero = CONEMAP__F1(0.0f);
@@ -17345,8 +17348,10 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(own_cell)(const conemap__outlook *out
     return CONEMAP__PICK(some, CONEMAP__MAX(bend, steep), bend);
 }
 
-/* Does the sector hold these pairs, of cells (i, j) .. and vertices (u, v) .., although they lie beyond its diagonal? */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(pair_by_border)(const conemap__outlook *outlook, int i, int j, int u, int v) {
+/* Does the sector hold these pairs, of cells (i, j) .. and vertices (u, v) .., although they lie beyond its
+   diagonal? */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(pair_by_border)(const conemap__outlook *outlook, int i, int j, int u,
+                                                           int v) {
     const conemap_info *info = &outlook->map->info;
     return CONEMAP__OR(CONEMAP__KERNEL(by_border)(info, i + 1, i, j + 1, j),
                        CONEMAP__KERNEL(by_border)(info, u, u, v, v));
@@ -17379,8 +17384,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(vertices_row)(const conemap__outlook *out
             if (sights->by_border[k])
                 open = CONEMAP__AND(open, CONEMAP__KERNEL(pair_by_border)(outlook, cell_i, cell_j, u, j));
             if (outlook->relaxed)
-                open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k], sights->y[k],
-                                                                  2));
+                open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k],
+                                                                  sights->y[k], 2));
             if (!CONEMAP__ANY(open)) continue;
             h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
             best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
@@ -17887,7 +17892,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const 
         beats = CONEMAP__AND(beats, CONEMAP__LT(least, slope2));
         if (!CONEMAP__ANY(beats)) continue;
         CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
-        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number), CONEMAP__LOADI(tile->decider + i)));
+        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number),
+                                                          CONEMAP__LOADI(tile->decider + i)));
         any = 1;
     }
     if (!any) return;

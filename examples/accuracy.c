@@ -13,7 +13,7 @@
 static const struct cone_kind kinds[] = {
     /* name, paper, generator, guarantee, slack, min3x3, per_cell, sectors, format, from: of a generator that is slow,
        the line before */
-    {"none", "", CONEMAP_QUICK_NAIVE, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, 0, CONEMAP_F32, HEIGHTS_ONLY},
+    {"none", "", CONEMAP_HEIGHTS, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, 0, CONEMAP_F32, HEIGHTS_ONLY},
     {"vertex", "[Dum06]", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 0, 0, 0, CONEMAP_F32, 0},
     {"vertex 3x3", "[Dum06] [BV24]", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, 0, 1, 0, 0, CONEMAP_F32, 0},
     {"ring", "[Dum06]", CONEMAP_RING, CONEMAP_GUARANTEE_DEFAULT, 0, 0, 0, 0, CONEMAP_F32, 0},
@@ -383,7 +383,7 @@ static int build_cones(struct cones *c, const struct image *image) {
             }
         c->seconds = c[-1].seconds + now() - start;
         describe(c, image, &desc);
-        desc.generator = CONEMAP_QUICK_NAIVE; /* for its heights and maxima */
+        desc.generator = CONEMAP_HEIGHTS;
         conemap_result result = conemap_build(&desc, &c->map);
         if (result != CONEMAP_OK) return fail_result(c->kind->name, result);
         c->map.cones = c->own;
@@ -892,7 +892,6 @@ static double fit_class(const struct plan_case *cases, int count, int k, int rou
 static int fit_planner(struct progress *progress) {
     static const float depths[] = {0.1f, 0.25f, 1}, lowests[] = {5, 20, 45};
     static struct plan_case cases[FIT_CASES];
-    static const char *const generators[] = {"", "EXACT", "RING", "QUICK_NAIVE", "QUICK"};
     static const char *const traced[] = {"",         "EXACT",      "LINEAR",   "FIXED", "LOOP", "EXACT_STEP",
                                           "CELL_MAX", "MAXMIP", "QDM"};
     int count = 0;
@@ -918,7 +917,8 @@ static int fit_planner(struct progress *progress) {
         const conemap__plan_row *row = &conemap__plan_rows[k];
         double build = 0;
         for (int n = 0; n < count; ++n) build += log(cases[n].build[k]) / count;
-        printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, %d, %d, %d, ", generators[row->generator],
+        printf("    {CONEMAP_%s, CONEMAP_GUARANTEE_%s, %d, %d, %d, %d, ", row->generator == CONEMAP_HEIGHTS ? "HEIGHTS"
+               : row->generator == CONEMAP_QUICK ? "QUICK" : "EXACT",
                row->guarantee == CONEMAP_GUARANTEE_BILINEAR ? "BILINEAR" : "VERTEX", row->min3x3, row->per_cell,
                row->sectors, row->prepared);
         printf("CONEMAP_TRACE_%s, CONEMAP_REFINE_%s, %d, %.1ff,\n", traced[row->tracer],

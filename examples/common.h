@@ -79,6 +79,7 @@ static const struct name generator_names[] = {{"exact", CONEMAP_EXACT},
                                               {"relaxed-exact", CONEMAP_RELAXED_EXACT},
                                               {"relaxed-exact-ring", CONEMAP_RELAXED_EXACT_RING},
                                               {"hybrid", CONEMAP_HYBRID},
+                                              {"heights", CONEMAP_HEIGHTS},
                                               {NULL, 0}};
 static const struct name tracer_names[] = {
     {"exact", CONEMAP_TRACE_EXACT},           {"linear", CONEMAP_TRACE_LINEAR},

@@ -1,4 +1,5 @@
 /* Builds: memory, failures, cancelling, jobs in any order. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -477,7 +478,66 @@ static void input_may_go(void)
     conemap_free(&right);
 }
 
+/* Heights and maxima without a search: cones have no width in any format, and whatever traces agrees with safe ones. */
+static void heights_alone(void)
+{
+    static const conemap_tracer tracers[] = {CONEMAP_TRACE_EXACT, CONEMAP_TRACE_MAXMIP};
+    struct zoo_random random = zoo_seed(4);
+    int format, encoding, k, n, hits = 0;
+    for (format = 0; format < CONEMAP_FORMAT_COUNT; ++format)
+        for (encoding = 0; encoding < CONEMAP_ENCODING_COUNT; ++encoding) {
+            conemap_desc desc = plain_desc();
+            conemap_map map, safe;
+            conemap_report report;
+            desc.keep_pyramid = 1;
+            desc.min3x3 = encoding & 1;
+            desc.texture.format = (conemap_format)format;
+            desc.texture.encoding = (conemap_encoding)encoding;
+            REQUIRE(conemap_build(&desc, &safe) == CONEMAP_OK, "build");
+            desc.generator = CONEMAP_HEIGHTS;
+            REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build of heights");
+            CHECK(map.info.generator == CONEMAP_HEIGHTS && map.info.guarantee == CONEMAP_GUARANTEE_BILINEAR, "promise %d",
+                  (int)map.info.guarantee);
+            CHECK(!memcmp(map.heights, safe.heights, sizeof(float) * TEXELS) && map.highest == safe.highest, "heights");
+            for (k = 0; k < TEXELS; ++k)
+                if (!CHECK(map.cones[k] == 0.0f, "format %d: cone %g", format, (double)map.cones[k])) break;
+            REQUIRE(conemap_verify(&map.info, map.heights, map.cones, NULL, &report) == CONEMAP_OK, "verify");
+            CHECK(report.unsafe == 0 && report.unproven == 0, "%d unsafe", (int)report.unsafe);
+            for (n = 0; n < 200; ++n) {
+                conemap_trace_desc trace;
+                conemap_ray ray;
+                conemap_hit hit, right;
+                memset(&trace, 0, sizeof trace);
+                memset(&ray, 0, sizeof ray);
+                for (k = 0; k < 3; ++k) ray.origin[k] = k < 2 ? zoo_unit(&random) : 1.0f;
+                for (k = 0; k < 3; ++k) ray.direction[k] = k < 2 ? zoo_between(&random, -1.0f, 1.0f) : -0.4f;
+                REQUIRE(conemap_trace(&safe, NULL, &ray, &right, 1) == CONEMAP_OK, "trace");
+                for (k = 0; k < 2; ++k) {
+                    trace.tracer = tracers[k];
+                    REQUIRE(conemap_trace(&map, &trace, &ray, &hit, 1) == CONEMAP_OK, "trace");
+                    CHECK(hit.status == right.status && fabsf(hit.t - right.t) < 1e-5f, "tracer %d: status %d at %g, right %d at %g",
+                          (int)tracers[k], (int)hit.status, (double)hit.t, (int)right.status, (double)right.t);
+                }
+                hits += right.status == CONEMAP_HIT;
+            }
+            conemap_free(&map);
+            conemap_free(&safe);
+        }
+    CHECK(hits > 500, "%d hits", hits);
+    {
+        conemap_desc desc = plain_desc();
+        conemap_map map;
+        desc.generator = CONEMAP_HEIGHTS;
+        desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
+        CHECK(conemap_build(&desc, &map) == CONEMAP_ERROR_UNSUPPORTED, "another guarantee");
+        desc.guarantee = CONEMAP_GUARANTEE_DEFAULT;
+        desc.texture.sectors = 4;
+        CHECK(conemap_build(&desc, &map) == CONEMAP_ERROR_UNSUPPORTED, "sectors");
+    }
+}
+
 const struct test_case builds_tests[] = {
+    {"heights alone", heights_alone},
     {"allocators, and each allocation failing", allocators},
     {"allocators of loading", allocators_of_loading},
     {"caller memory, to the byte", caller_memory},
