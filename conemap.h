@@ -738,7 +738,7 @@ typedef struct conemap_prepare_desc {
 /* Read-only for the caller. A plain struct, which may be copied or moved: free one copy only. */
 typedef struct conemap_prepared {
     const conemap_map *map;
-    const uint32_t *table;  /* 2 * width * height words, private in what they hold */
+    const uint32_t *table;  /* 2 words for each cell, private in what they hold */
     int width, height;      /* cells; those in the outer half texel of CLAMP belong to their neighbours */
     size_t memory_size;     /* bytes held beside the map */
     double bytes_per_texel; /* the same for a texel of the map: 8 at most */
@@ -2469,6 +2469,7 @@ typedef struct conemap__stream {
 typedef struct conemap__flight {
     const uint32_t *table;
     int32_t pitch;                  /* of its rows */
+    int strip;                      /* see conemap__record_strip */
     const float *heights;
     conemap__flight_axis axis[2];
     conemap__stream stream;
@@ -7378,12 +7379,24 @@ static int conemap__table_size(int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP ? size : conemap__maxi(size - 1, 1);
 }
 
+/* Records stand in strips, 1 << strip of the planes' rows high and column by column, so that a ray finds its next ones
+   in the same cache line, wherever it flies: 4 rows, or 2 where the last of 4 would not fit into 8 bytes a texel. */
+static int conemap__record_strip(const conemap_map *map) {
+    int h = conemap__table_size(map->info.height, map->info.wrap_v);
+    return h % 2 == 0 || h < map->info.height ? 2 : 1;
+}
+
+CONEMAP__INLINE size_t conemap__record(int strip, int w, int column, int row) {
+    int in_strip = row & ((1 << strip) - 1);
+    return (size_t)(row - in_strip) * (size_t)w + ((size_t)column << strip) + (size_t)in_strip;
+}
+
 /* The work of a preparation: planes of the table's size, mirrored into the quadrant in question. */
 typedef struct conemap__look {
     const conemap_map *map;
     const conemap__kernels *kernels;
     uint32_t *table;
-    int w, h, flip_u, flip_v;
+    int w, h, strip, flip_u, flip_v;
     float *tops;           /* of the cells, as the record will hold them */
     float *squares, *next; /* maxima over squares of cells from each cell on */
     int side;              /* of the squares */
@@ -7455,8 +7468,8 @@ static void conemap__look_quadrant(conemap__look *look, int quadrant) {
     for (y = 0; y < h; ++y)
         for (x = 0; x < w; ++x) {
             size_t at = (size_t)y * (size_t)w + (size_t)x;
-            uint32_t *record = &look->table[((size_t)(look->flip_v ? h : 0) + (size_t)y) * (size_t)w +
-                                            (size_t)(look->flip_u ? w - 1 - x : x)];
+            uint32_t *record = &look->table[conemap__record(look->strip, w, look->flip_u ? w - 1 - x : x,
+                                                            (look->flip_v ? h : 0) + y)];
             /* rounded up: what it stands for is no less, by 2^-20 at least */
             uint32_t bits = conemap__bits(look->slopes[at] * (1.0f + 1.0f / 524288.0f));
             int slope = (int)((bits + 0x1fffffu) >> 21) - 4 * (127 - 10);
@@ -7467,13 +7480,14 @@ static void conemap__look_quadrant(conemap__look *look, int quadrant) {
 }
 
 CONEMAP__DEF size_t conemap_prepare_memory(const conemap_map *map) {
-    size_t bytes = 0;
-    if (!map || !map->heights ||
-        !conemap__add_size(&bytes, (size_t)conemap__table_size(map->info.width, map->info.wrap_u) *
-                                       (size_t)conemap__table_size(map->info.height, map->info.wrap_v),
-                           2 * sizeof(uint32_t)))
-        return 0;
-    return bytes;
+    size_t bytes = 0, rows, strip;
+    if (!map || !map->heights) return 0;
+    strip = (size_t)1 << conemap__record_strip(map);
+    rows = 2 * (size_t)conemap__table_size(map->info.height, map->info.wrap_v);
+    rows = (rows + strip - 1) / strip * strip;
+    return conemap__add_size(&bytes, (size_t)conemap__table_size(map->info.width, map->info.wrap_u) * rows,
+                             sizeof(uint32_t))
+               ? bytes : 0;
 }
 
 CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
@@ -7498,6 +7512,7 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     look.kernels = conemap__kernels_of(settings.isa);
     look.w = conemap__table_size(map->info.width, map->info.wrap_u);
     look.h = conemap__table_size(map->info.height, map->info.wrap_v);
+    look.strip = conemap__record_strip(map);
     cells = (size_t)look.w * (size_t)look.h;
     prepared->memory_size = conemap_prepare_memory(map);
     if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21 ||
@@ -7517,6 +7532,7 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     if (result == CONEMAP_OK) result = conemap__take(&settings.allocator, NULL, 0, bytes, &work, &owns_work);
     if (result == CONEMAP_OK) {
         prepared->table = look.table = (uint32_t *)prepared->own.memory;
+        memset(prepared->own.memory, 0, prepared->memory_size); /* the last strip may have rows to spare */
         look.tops = (float *)work;
         look.squares = look.tops + cells;
         look.next = look.squares + cells;
@@ -7566,6 +7582,7 @@ static conemap_result conemap__fly_stream(const conemap_prepared *prepared, cons
     f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
     f.table = prepared->table;
     f.pitch = prepared->width;
+    f.strip = conemap__record_strip(prepared->map);
     f.heights = prepared->map->heights;
     f.stream = *stream;
     conemap__flight_axis_of(&f.axis[0], info->width, info->wrap_u, prepared->width, 1);
@@ -18157,12 +18174,21 @@ CONEMAP__HELPER void CONEMAP__KERNEL(aim)(const conemap__flight *f, conemap__blo
                                           CONEMAP__F j) {
     const CONEMAP__F zero = CONEMAP__F1(0.0f);
     CONEMAP__F u = CONEMAP__KERNEL(table_number)(&f->axis[0], i), v = CONEMAP__KERNEL(table_number)(&f->axis[1], j);
+    CONEMAP__I column, row;
     u = CONEMAP__PICK(CONEMAP__LT(CONEMAP__LOADF(rays->fast[0].sign + at), zero),
                       CONEMAP__SUB(CONEMAP__F1(f->axis[0].table_last), u), u);
     v = CONEMAP__ADD(v, CONEMAP__PICK(CONEMAP__LT(CONEMAP__LOADF(rays->fast[1].sign + at), zero),
                                       CONEMAP__F1(f->axis[1].table_last + 1.0f), zero));
-    CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(CONEMAP__TOI(u),
-                                                     CONEMAP__IMUL(CONEMAP__TOI(v), CONEMAP__I1(f->pitch))));
+    column = CONEMAP__TOI(u);
+    row = CONEMAP__TOI(v);
+    if (f->strip == 2) /* as conemap__record */
+        CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(
+            CONEMAP__IADD(CONEMAP__ISHL(column, 2), CONEMAP__IAND(row, CONEMAP__I1(3))),
+            CONEMAP__IMUL(CONEMAP__IAND(row, CONEMAP__I1(~3)), CONEMAP__I1(f->pitch))));
+    else
+        CONEMAP__STOREI(rays->record + at, CONEMAP__IADD(
+            CONEMAP__IADD(CONEMAP__ISHL(column, 1), CONEMAP__IAND(row, CONEMAP__I1(1))),
+            CONEMAP__IMUL(CONEMAP__IAND(row, CONEMAP__I1(~1)), CONEMAP__I1(f->pitch))));
     CONEMAP__KERNEL(fetch)(f->table, sizeof *f->table, rays->record + at, CONEMAP__LANES);
 }
 
@@ -18317,7 +18343,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
     inside = CONEMAP__LED(c, zero);
     first = CONEMAP__PICKD(inside, zero, first);
-    meets = CONEMAP__ANDW(CONEMAP__ORW(meets, inside), CONEMAP__LED(t, leave));
+    /* A flight that ends beyond the cell was over all of it, by 2^-20 at least: it is not taken for one inside. */
+    meets = CONEMAP__ORW(meets, inside);
     close = CONEMAP__ANDNOTW(CONEMAP__LTD(CONEMAP__D1(0.5), state), CONEMAP__LTD(CONEMAP__D1(1.5), state));
     CONEMAP__STOREDF(rays->steps + at, CONEMAP__ADDD(CONEMAP__LOADFD(rays->steps + at),
                                                      CONEMAP__PICKD(close, one, zero)));
