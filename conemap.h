@@ -1124,7 +1124,8 @@ typedef struct conemap_skeleton_desc {
     int segment_count;      /* 1 or more */
     int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at
                                most, so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
-    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere. Not yet
+                               in emitted shaders, which count by the angle */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
@@ -1193,7 +1194,7 @@ typedef struct conemap_skeleton_trace_desc {
 typedef struct conemap_skeleton_hit {
     conemap_status status;  /* HIT; LEFT: met nothing; T_MAX: met nothing before t_max; INVALID */
     int inside;             /* nonzero: the ray began inside; t is then t_min */
-    int segment;            /* that was hit; -1: none */
+    int segment;            /* that was hit: its place in skeleton.frusta; -1: none */
     int cap;                /* nonzero: the flat end of a segment: 1 lower, 2 upper */
     float t;                /* along the ray, in lengths of its direction */
     float position[3];
@@ -1213,7 +1214,7 @@ CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *
    JOINT (a joint's position, radius or thickness is NaN or infinite, or a segment's joint does not exist), RADIUS
    (negative, or zero at both ends of a segment without shell), LENGTH (a segment shorter than 1e-6 of its greatest
    radius or of its distance from the world's origin), PARENT (it does not exist, or does not end where the segment
-   begins), CYCLE, MEMORY, BUFFER, ALIGNMENT.
+   begins), CYCLE, UNSUPPORTED (a segment with twist goes on in an elliptical one), MEMORY, BUFFER, ALIGNMENT.
    Thread-safe for different skeletons. Source: [BJCW09 section 2]. */
 CONEMAP_API conemap_result conemap_skeleton_build(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton);
 
