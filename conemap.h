@@ -1124,8 +1124,8 @@ typedef struct conemap_skeleton_desc {
     int segment_count;      /* 1 or more */
     int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at
                                most, so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
-    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere. Not yet
-                               in emitted shaders, which count by the angle */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere. Not
+                               yet in emitted shaders, which count by the angle */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
