@@ -1091,9 +1091,8 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    u is the eccentric anomaly of the two cuts' ellipses instead of the angle, mixed by v, and both sides agree in it:
    exactly where they share an ellipse, so at relative height 0 of fitted joints.
 
-   Limits. Bends beyond 140 degrees, and
-   segments too short for their bends, get planes of their own, flagged, and show a notch, or with `round_joins` a ball. Branches meet their parent in
-   a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
+   Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show a
+   notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
    and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
    sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
    segments always.
@@ -1161,9 +1160,10 @@ typedef struct conemap_skeleton_desc {
     int joint_count;
     const conemap_segment *segments; /* read during the call; parents may come in any order */
     int segment_count;      /* 1 or more */
-    int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at most,
-                               so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
-    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere */
+    int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at
+                               most, so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere. Not
+                               yet in emitted shaders, which count by the angle */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
@@ -1232,7 +1232,7 @@ typedef struct conemap_skeleton_trace_desc {
 typedef struct conemap_skeleton_hit {
     conemap_status status;  /* HIT; LEFT: met nothing; T_MAX: met nothing before t_max; INVALID */
     int inside;             /* nonzero: the ray began inside; t is then t_min */
-    int segment;            /* that was hit; -1: none */
+    int segment;            /* that was hit: its place in skeleton.frusta; -1: none */
     int cap;                /* nonzero: the flat end of a segment: 1 lower, 2 upper */
     float t;                /* along the ray, in lengths of its direction */
     float position[3];
@@ -1252,7 +1252,7 @@ CONEMAP_API conemap_result conemap_skeleton_memory(const conemap_skeleton_desc *
    JOINT (a joint's position, radius or thickness is NaN or infinite, or a segment's joint does not exist), RADIUS
    (negative, or zero at both ends of a segment without shell), LENGTH (a segment shorter than 1e-6 of its greatest
    radius or of its distance from the world's origin), PARENT (it does not exist, or does not end where the segment
-   begins), CYCLE, MEMORY, BUFFER, ALIGNMENT.
+   begins), CYCLE, UNSUPPORTED (a segment with twist goes on in an elliptical one), MEMORY, BUFFER, ALIGNMENT.
    Thread-safe for different skeletons. Source: [BJCW09 section 2]. */
 CONEMAP_API conemap_result conemap_skeleton_build(const conemap_skeleton_desc *desc, conemap_skeleton *skeleton);
 
@@ -12764,7 +12764,7 @@ static conemap_result conemap__count_rounds(const conemap_skeleton_desc *desc, s
         if (s->parent < 0) continue;
         conemap__lay_limb(&desc->joints[before->base], &desc->joints[before->top], before->radius, 1.0f, &limb);
         conemap__lay_limb(&desc->joints[s->base], &desc->joints[s->top], s->radius, 1.0f, &other);
-        *rounds += conemap__sharp(&limb, &other, desc->fit) ? 1 : 0;
+        if (conemap__sharp(&limb, &other, desc->fit)) ++*rounds;
     }
     return CONEMAP_OK;
 }
@@ -16751,7 +16751,9 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__TABLE_SIZE
 #undef CONEMAP__STEEPEST
 #undef CONEMAP__CONE_ROOM
+#undef CONEMAP__FIT
 #undef CONEMAP__FOLD
+#undef CONEMAP__CLEAR
 #undef CONEMAP__FARTHEST
 #undef CONEMAP__LEAF
 #undef CONEMAP__CHAIN

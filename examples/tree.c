@@ -58,6 +58,8 @@ struct layer {
     float thickness;        /* of the shell, in radii */
     int u_repeat;
     float v_per_length;
+    float flat;      /* of the sections; 0: round */
+    int round_joins; /* pieces */
     conemap_joint *joints;
     conemap_segment *segments;
     int joint_count, segment_count, room;
@@ -123,6 +125,7 @@ static int add_segment(struct layer *layer, int parent, int base, struct vec to,
     s->top = top;
     s->parent = parent;
     s->u_repeat = layer->u_repeat;
+    s->flat = layer->flat;
     return layer->segment_count++;
 }
 
@@ -394,6 +397,53 @@ static void well(struct scene *scene) {
     scene->target = vec(0, 1.75f, 0);
 }
 
+/* Three old olive trees with trunks half as thick as they are wide, whose boughs double back, on round joins; and
+   agaves, whose leaves are flatter still. */
+static void olives(struct scene *scene) {
+    struct layer *wood =
+        add_layer(scene, BARK, vec(0.55f, 0.49f, 0.40f), vec(0.21f, 0.17f, 0.13f), 0.28f, 2, 0.7f);
+    struct layer *leaves =
+        add_layer(scene, LEAF, vec(0.42f, 0.53f, 0.44f), vec(0.24f, 0.36f, 0.30f), 0.25f, 1, 1.0f);
+    static const float places[3][3] = {{-1.7f, -0.6f, 1.0f}, {1.5f, -1.6f, 1.15f}, {0.5f, 1.1f, 0.7f}};
+    wood->flat = 0.5f;
+    wood->round_joins = 4;
+    leaves->flat = 0.22f;
+    for (int k = 0; k < 3; ++k) {
+        float size = places[k][2], turn = 1.2f * (float)k + 0.5f;
+        int root = add_joint(wood, vec(places[k][0], -0.1f, places[k][1]), 0.46f * size), first = wood->segment_count;
+        int top = grow(wood, -1, root, vec(0.1f, 1, 0), 1.7f * size, 6, 0.42f * size, 0.34f * size,
+                       vec(cosf(turn), 0.6f, sinf(turn)), 0.12f, 0.1f);
+        wood->segments[first].wide[0] = cosf(turn + 1.0f);
+        wood->segments[first].wide[2] = sinf(turn + 1.0f);
+        for (int b = 0; b < 5; ++b) {
+            float around = turn + 1.2566f * (float)b, up = b == 0 ? 1.0f : 0.55f, r = (b ? 0.19f : 0.26f) * size;
+            struct vec out = vec(cosf(around), up, sinf(around)), back = vec(-sinf(around), 0.9f, cosf(around));
+            int made = wood->segment_count;
+            int bough =
+                grow(wood, top, 0, unit(out), vary(0.9f, 0.2f) * size, 3, r, 0.7f * r, vec(0, 1, 0), 0.1f, 0.2f);
+            wood->segments[made].wide[1] = 1;
+            bough = grow(wood, bough, 0, unit(back), 0.6f * size, 2, 0.7f * r, 0.5f * r, vec(0, 1, 0), 0.1f, 0.2f);
+            out = vec(cosf(around + 2.6f), -0.35f, sinf(around + 2.6f)); /* and doubles back */
+            bough = grow(wood, bough, 0, unit(out), 0.45f * size, 2, 0.5f * r, 0.35f * r, vec(0, 1, 0), 0.2f, 0.1f);
+            out = vec(cosf(around), 1.2f, sinf(around));
+            grow(wood, bough, 0, out, 0.5f * size, 3, 0.35f * r, 0, vec(0, 1, 0), 0.1f, 0.1f);
+        }
+    }
+    for (int k = 0; k < 4; ++k) {
+        struct vec at = vec(-2.4f + 1.5f * (float)k, 0, 1.9f + 0.5f * random01());
+        int from = leaves->segment_count;
+        aloe_at(leaves, at, 0.8f, 21, 5);
+        for (int j = from; j < leaves->segment_count; ++j) { /* across the way that a leaf points */
+            struct vec way =
+                add(joint_at(leaves, leaves->segments[j].top), joint_at(leaves, leaves->segments[j].base), -1);
+            leaves->segments[j].wide[0] = -way.z;
+            leaves->segments[j].wide[2] = way.x;
+        }
+    }
+    scene->eye = vec(1.0f, 2.4f, 7.2f);
+    scene->target = vec(-0.1f, 1.25f, 0);
+}
+
 /* A hundred cacti of 21 or 22 segments, 2158 in all. They are grown straight; dance() bends them. */
 #define DANCERS 100
 static int dancer_segments(int k) { return k < 58 ? 22 : 21; }
@@ -512,6 +562,7 @@ static int skin(struct layer *layer) {
     desc.segment_count = layer->segment_count;
     desc.v_per_length = layer->v_per_length;
     desc.slope_normals = 1;
+    desc.round_joins = layer->round_joins;
     desc.blend = 0.7f;
     conemap_result result = conemap_skeleton_build(&desc, &layer->skeleton);
     return result == CONEMAP_OK || fail_result("the skeleton", result);
@@ -653,7 +704,8 @@ static const struct {
     const char *name;
     void (*grow)(struct scene *scene);
 } models[] = {{"saguaro", saguaro}, {"aloe", aloe},       {"well", well}, {"desert", desert}, {"elm", elm},
-              {"cacti", cacti},     {"coconut", coconut}, {"pine", pine}, {"oasis", oasis}};
+              {"cacti", cacti},     {"coconut", coconut}, {"pine", pine}, {"oasis", oasis},
+              {"olives", olives}};
 enum { MODELS = sizeof models / sizeof models[0] };
 
 static int render_model(int model, struct settings settings, int relief_only, int frames, const char *folder) {

@@ -733,6 +733,118 @@ static void joint_normals(void)
           jump_true);
 }
 
+/* The derivatives of normals from both sides of a joint, along the surface's u, agree as the normals do, and along v
+   too with c1_normals, as both are 0 then; without, they do not. */
+static void c1_normals(void)
+{
+    struct zoo_random random = zoo_seed(523);
+    double along_u = 0, along_v[2] = {0, 0}, turns = 0;
+    int round, n, side, k;
+    for (round = 0; round < 60; ++round) {
+        const int c1 = round & 1;
+        struct chain chain;
+        conemap_skeleton skeleton;
+        make_chain(&random, round & 2 ? TAPERED : CYLINDERS, 0.2f, 3, &chain);
+        for (k = 0; k < 4; ++k) chain.joints[k].thickness = 0;
+        if (round % 6 >= 4) flatten(&random, 0.5f, &chain);
+        if (round & 2 && round % 6 >= 4) continue; /* tapered elliptical cuts differ */
+        chain.desc.slope_normals = round / 4 % 2;
+        chain.desc.c1_normals = c1;
+        chain.desc.fit = chain.desc.exact_u = 1;
+        REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK, "build");
+        for (n = 0; n < 16 && skeleton.clamped == 0; ++n) {
+            double at_u[2][3], at_v[2][3];
+            for (side = 0; side < 2; ++side) { /* one-sided along v, both from the same u */
+                const conemap_frustum *f = &skeleton.frusta[side];
+                const float places[4][2] = {{-2e-3f, 0}, {2e-3f, 0}, {0, 0}, {0, side ? 2e-3f : -2e-3f}};
+                double normals[4][3];
+                int i;
+                for (i = 0; i < 4; ++i) {
+                    conemap_skeleton_trace_desc trace;
+                    conemap__place_uvw place;
+                    float uvw[3] = {0, 0, 0}, point[3];
+                    double world[3], p[3], plain[3];
+                    memset(&trace, 0, sizeof trace);
+                    uvw[0] = (float)n / 16.0f + places[i][0];
+                    uvw[1] = (side ? 0.0f : 1.0f) + places[i][1];
+                    REQUIRE(conemap_frustum_point(f, uvw, point) == CONEMAP_OK, "point");
+                    for (k = 0; k < 3; ++k) world[k] = (double)point[k];
+                    local_point(f, world, p);
+                    conemap__normals(f, &trace, p, &place, normals[i], plain);
+                }
+                for (k = 0; k < 3; ++k) {
+                    at_u[side][k] = (normals[1][k] - normals[0][k]) / 4e-3;
+                    at_v[side][k] = (normals[3][k] - normals[2][k]) / (side ? 2e-3 : -2e-3);
+                }
+            }
+            turns = fmax(turns, sqrt(dot(at_u[0], at_u[0])));
+            for (k = 0; k < 3; ++k) {
+                along_u = fmax(along_u, fabs(at_u[0][k] - at_u[1][k]));
+                along_v[c1] = fmax(along_v[c1], fabs(at_v[0][k] - at_v[1][k]));
+            }
+        }
+        conemap_skeleton_free(&skeleton);
+    }
+    CHECK(turns > 3 && along_u < 0.01 * turns, "along u normals change by %g, differently by %g", turns, along_u);
+    CHECK(along_v[1] < 0.02 && along_v[0] > 0.1, "along v by %g differently, without C1 by %g", along_v[1],
+          along_v[0]);
+}
+
+/* Where a branch leaves near a trunk's joint, blended normals go on across that joint and across the branch's own. */
+static void blend_across_joints(void)
+{
+    conemap_joint joints[6] = {{{0, 0, 0}, 1, 0},    {{0, 4, 0}, 1, 0},    {{0.4f, 8, 0}, 1, 0},
+                               {{1.8f, 5, 0}, 0.5f, 0}, {{5, 7.5f, 0}, 0.5f, 0}, {{0.3f, 5, 0}, 1, 0}};
+    conemap_segment segments[5];
+    conemap_skeleton_desc desc;
+    conemap_skeleton skeleton;
+    double jump = 0, least = 1;
+    int i, n, k, seams = 0;
+    memset(segments, 0, sizeof segments);
+    memset(&desc, 0, sizeof desc);
+    segments[0].top = 1;
+    segments[0].parent = -1;
+    segments[1].base = 1; /* the trunk goes on, with a joint above the branch's foot */
+    segments[1].top = 5;
+    segments[2].base = 5;
+    segments[2].top = 2;
+    segments[2].parent = 1;
+    segments[3].base = 1; /* the branch */
+    segments[3].top = 3;
+    segments[3].radius = 0.5f;
+    segments[4].base = 3;
+    segments[4].top = 4;
+    segments[4].parent = 3;
+    desc.joints = joints;
+    desc.joint_count = 6;
+    desc.segments = segments;
+    desc.segment_count = 5;
+    desc.blend = 3.0f;
+    REQUIRE(conemap_skeleton_build(&desc, &skeleton) == CONEMAP_OK, "build");
+    for (i = 1; i < 5; i += 3) { /* pairs of hits at both sides of the seams 1-2 and 3-4 */
+        const int below = i == 1 ? 1 : 3;
+        for (n = 0; n < 64; ++n) {
+            conemap_ray rays[2];
+            conemap_skeleton_hit hits[2];
+            rays[0] = ray_at(&skeleton.frusta[below], (float)n / 64.0f, 0.9995f, 0.0f);
+            rays[1] = ray_at(&skeleton.frusta[below + 1], (float)n / 64.0f, 0.0005f, 0.0f);
+            REQUIRE(conemap_skeleton_trace(&skeleton, NULL, rays, hits, 2) == CONEMAP_OK, "trace");
+            if (hits[0].segment != below || hits[1].segment != below + 1) continue; /* hidden */
+            if (apart3(hits[0].position, hits[1].position) > 0.02) continue;
+            ++seams;
+            jump = fmax(jump, apart3(hits[0].normal, hits[1].normal));
+            { /* and the blend does something there */
+                double along = 0;
+                for (k = 0; k < 3; ++k) along += (double)hits[0].normal[k] * (double)hits[0].true_normal[k];
+                least = fmin(least, along);
+            }
+        }
+    }
+    CHECK(seams > 40 && jump < 0.03 && least < 0.97, "%d pairs: normals jump by %g, leave the surface's by %g", seams,
+          jump, least);
+    conemap_skeleton_free(&skeleton);
+}
+
 /* Normals of the crease around a branch's foot come near each other with blend, and not without. */
 static void branch_normals(void)
 {
@@ -2100,7 +2212,9 @@ const struct test_case frusta_tests[] = {
     {"elliptical", elliptical},
     {"elliptical branch", elliptical_branch},
     {"joint normals", joint_normals},
+    {"c1 normals", c1_normals},
     {"branch normals", branch_normals},
+    {"blend across joints", blend_across_joints},
     {"equations of the cut", equations_of_the_cut},
     {"equations of the frustum", equations_of_the_frustum},
     {"fit", fit},
