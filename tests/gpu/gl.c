@@ -893,11 +893,13 @@ static void trace_maps(void)
             r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
             r.desc.trace.refinement = CONEMAP_REFINE_BISECT;
             r.desc.trace.refine_steps = 3;
-        } else if (k == 14) { /* of vertices, so that rays go back */
+        } else if (k == 14) { /* no guarantee between texels: what a step passes depends on its last bit */
             r.generator = CONEMAP_RING;
-        } else if (k == 15) { /* which this GPU makes high */
+            r.count_only = 1;
+        } else if (k == 15) { /* 16 bits on this GPU: no guarantee at all */
             r.desc.dialect = CONEMAP_ESSL_300;
             r.desc.precision = CONEMAP_MEDIUMP;
+            r.count_only = 1;
         } else if (k == 16) {
             r.desc.stage = CONEMAP_STAGE_COMPUTE;
             r.desc.binding = 3;
