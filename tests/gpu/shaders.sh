@@ -6,8 +6,8 @@
 #   hlsl    Microsoft's compilers under wine; HLSL_DLLS is a folder with msfxc.dll, msfxc_old.dll, msdxc.dll
 #   wgsl    Tint and naga in node; WGSL_MODULES is the folder that npm put webgpu and naga-wasm into
 #   msl     clang, with metal_stdlib beside this file in Metal's place
-#   hlslrun a choice of HLSL run on a software GPU, by way of SPIR-V and GLSL: through Microsoft's compiler if HLSL_DLLS has
-#           one that writes SPIR-V (msdxc_spirv.dll), else through glslang
+#   hlslrun a choice of HLSL and of Vulkan's GLSL run on a software GPU, by way of SPIR-V and GLSL: HLSL through
+#           Microsoft's compiler if HLSL_DLLS has one that writes SPIR-V (msdxc_spirv.dll), else through glslang
 part=$1
 dir=$2
 writer=${3:-variants}
@@ -37,7 +37,10 @@ if [ "$part" = hlslrun ]; then
                 { cat "$file.log"; exit 1; }
         done
     fi
-    for file in texts/*.hlsl; do spirv-cross --version 450 --no-es "$file.spv" --output "${file%.hlsl}.comp" || exit 1; done
+    for file in texts/*.vulkan; do glslangValidator -V -S comp "$file" -o "$file.spv" >"$file.log" || { cat "$file.log"; exit 1; }; done
+    for file in texts/*.hlsl texts/*.vulkan; do
+        spirv-cross --version 450 --no-es --glsl-emit-push-constant-as-ubo "$file.spv" --output "${file%.*}.comp" || exit 1
+    done
     EGL_PLATFORM=surfaceless ./gl hlsl-run texts >run.log
     status=$?
     cat run.log
