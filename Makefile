@@ -46,8 +46,14 @@ build/hello: examples/hello.c conemap.h | build
 build/stb_image_impl.o: examples/stb_image_impl.c | build
 	$(CC) -w $(CFLAGS) -DHAVE_STB_IMAGE -c examples/stb_image_impl.c -o $@
 
+# The tracer in a build with effects and in one without, which is how the bench tells what those cost that are off.
+OFF_OBJ = build/bench_with.o build/bench_without.o
+$(OFF_OBJ): examples/bench_off.c examples/bench_off.h conemap.h | build
+	$(COMPILE) $(if $(findstring without,$@),,-DWITH_EFFECTS) -c $< -o $@
+build/bench: $(OFF_OBJ)
+
 $(filter-out build/hello,$(PROGRAMS)): build/%: examples/%.c $(wildcard examples/*.h) $(wildcard tests/*.h) conemap.h $(STB_OBJ) | build
-	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) -o $@ $(LINK)
+	$(COMPILE) $(STB_FLAGS) $< $(STB_OBJ) $(filter $(OFF_OBJ),$^) -o $@ $(LINK)
 
 build/%.o: tests/%.c $(wildcard tests/*.h tests/golden/*.h) conemap.h | build
 	$(COMPILE) -c $< -o $@

@@ -2,7 +2,9 @@
 #ifndef EXAMPLES_BENCH_EFFECTS_H
 #define EXAMPLES_BENCH_EFFECTS_H
 
-enum { EFFECT_RAYS = 1 << 14 };
+#include "bench_off.h"
+
+enum { EFFECT_RAYS = 1 << 14, OFF_ROUNDS = 11 };
 
 static const struct {
     const char *name;
@@ -36,7 +38,7 @@ static int bench_effects(const char *map_name, const struct image *image) {
     static conemap_shading shadings[EFFECT_RAYS];
     static conemap_gradient gradients[EFFECT_RAYS];
     static const float projection[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, -1, 0, 0, 0.1f, 4};
-    double times[COUNT][ROUNDS], base[ROUNDS];
+    double times[COUNT][ROUNDS], base[ROUNDS], off[2], shares[OFF_ROUNDS];
     size_t texels = (size_t)image->width * (size_t)image->height;
     unsigned char *alpha = (unsigned char *)malloc(texels);
     conemap_map levels[LEVELS];
@@ -74,7 +76,20 @@ static int bench_effects(const char *map_name, const struct image *image) {
     e.light[1] = 0.3f;
     e.light[2] = 0.5f;
     e.light_radius = 0.03f;
-    for (int r = 0; r < ROUNDS; ++r) {
+    for (int r = 0; r < OFF_ROUNDS; ++r) { /* effects that are off, and a build without effects, in turns */
+        off[0] = off[1] = 0;
+        e.flags = 0;
+        for (int turn = 0; turn < 8 && result == CONEMAP_OK; ++turn) {
+            const int without = (turn + turn / 2) & 1;
+            double start = now();
+            result = without ? trace_without_effects(&levels[0], rays, hits, EFFECT_RAYS)
+                             : trace_effects_off(&levels[0], &e, rays, hits, shadings, EFFECT_RAYS);
+            off[without] += now() - start;
+        }
+        shares[r] = off[1] / off[0];
+    }
+    if (result == CONEMAP_OK) goal("effect.without/off", map_name, median_of(shares, OFF_ROUNDS), 0, 0.97);
+    for (int r = 0; r < ROUNDS && result == CONEMAP_OK; ++r) {
         double start = now();
         result = conemap_trace(&levels[0], NULL, rays, hits, EFFECT_RAYS);
         base[r] = now() - start;

@@ -502,6 +502,22 @@ effects_on_gpu() { # the sheet of examples/effects.c by the CPU and by the shade
     EGL_PLATFORM=surfaceless "$dir/effects" cost "$dir" | sed 's/^/cost  /' | tee -a "$work/counts"
 }
 gpu_part "effects on a software GPU" effects_on_gpu
+pairs_by_shaders() { # every effect, every pair, and each storage; polygons
+    gcc -std=c99 -O1 -I. tests/gpu/agree.c -o "$dir/agree" -lEGL -lm || return 1
+    EGL_PLATFORM=surfaceless "$dir/agree" "$dir" || return $?
+    EGL_PLATFORM=surfaceless "$dir/agree" es "$dir" || return $?
+    grep '^effects by' "$dir/log" >>"$work/counts"
+}
+gpu_part "pairs of effects on a software GPU" pairs_by_shaders
+pairs_in_c() { # the same sets as emitted C; and that what traces alone, in a static build, holds no effect
+    gcc -std=c99 -O0 -I. tests/gpu/agree_c.c -o "$dir/write" -lm && "$dir/write" >"$dir/agree.h" || return 1
+    gcc -std=c99 -O0 $strict -I. "-DAGREE_TEXT=\"$dir/agree.h\"" tests/gpu/agree_c.c -o "$dir/agree" -lm || return 1
+    "$dir/agree" || return 1
+    tail -n 1 "$dir/log" >>"$work/counts"
+    gcc -std=c99 -O2 -I. -c examples/bench_off.c -o "$dir/without.o" || return 1
+    ! nm "$dir/without.o" | grep -E 'shade|emit|conemap__fly'
+}
+need "pairs of effects in C" gcc nm && part "pairs of effects in C" pairs_in_c
 frusta_gpu() {
     gcc -std=c99 -O2 -I. tests/gpu/frusta_gl.c -o "$dir/frusta_gl" -lEGL -lm || return 1
     EGL_PLATFORM=surfaceless "$dir/frusta_gl" "$dir"

@@ -16,7 +16,7 @@ static conemap_result shade_rays(const conemap_map *map, const conemap_trace_des
 
 #include "software.h"
 
-enum { INPUTS = 11, OUTPUTS = 4, PROGRAMS = 40, TEXTURES = 8, ROWS_TIMED = 60, TIMES = 7 };
+enum { INPUTS = 11, OUTPUTS = 4, PROGRAMS = 40, TEXTURES = 8, ROWS_TIMED = 24, TIMES = 5 };
 static int rows = 1; /* how often the rays are drawn, under each other */
 
 static GLuint targets[OUTPUTS], input_texture;
