@@ -54,6 +54,10 @@ static texture2d<float, access::write> target(struct grid *g, const conemap_gpu_
     return texture;
 }
 #include CALLS
+#undef kernel /* words of Metal, which mean nothing from here on */
+#undef fragment
+#undef vertex
+#undef thread
 #endif
 
 struct item {
