@@ -843,23 +843,23 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    Targets: (u, v, z, t), then of position, normal, colour and (shadow, occlusion, level, fade) those that are asked
    for; and the depth. Fragments that hit nothing are discarded.
 
-   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the order
-   of the text.
+   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the
+   order of the text.
      - WGSL: everything of the text is @group(`set`), bindings follow each other from `binding` on in the order of the
-       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has no
-       prototypes. select() looks at both sides of what is ?: elsewhere: nothing is missed by that. depth_bound, and the
-       formats of storage textures that WebGPU lacks at its core (16-bit ones and one or two channels of 8 bits;
-       KERNEL_STORE in COMPUTE), are UNSUPPORTED.
-     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures, the
-       sampler and, in whole shaders, the arguments, in this order:
+       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has
+       no prototypes. select() looks at both sides of what is ?: elsewhere, which have no side effects. depth_bound, and
+       the formats of storage textures that WebGPU lacks at its core (KERNEL_STORE in COMPUTE: all but f32, and of four
+       channels f16 and unorm8), are UNSUPPORTED.
+     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures,
+       the sampler and, in whole shaders, the arguments, in this order:
            conemap_shader shader = {texture};
            auto hit = shader.conemap_trace(origin, direction);
        In shaders of frusta their buffer or texture comes behind the sampler, and the camera where the arguments are.
        Entry points take [[texture(n)]] from `binding` on, [[sampler(n)]] from sampler_binding on and [[buffer(n)]] from
-       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are [[user(locn0)]]
-       and so on). With `external` or a host's fetch there is no struct and no #include: the text is to be put into a struct
-       of the host's, which has the textures and those functions as members; FUNCTIONS only. Compile without fast math
-       (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
+       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are
+       [[user(locn0)]] and so on). With `external` or a host's fetch there is no struct and no #include: the text is to
+       be put into a struct of the host's, which has the textures and those functions as members; FUNCTIONS only.
+       Compile without fast math (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
@@ -956,7 +956,7 @@ typedef struct conemap_shader_desc {
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
    (a number out of range; a name that is no identifier, equals another or is a word of the text itself; in WGSL also
-   names so long that a function exceeds 16 KB); UNSUPPORTED
+   `let`, `select` and other words of its own); UNSUPPORTED
    (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
    nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
@@ -7782,16 +7782,16 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
 /* ======================================================================================================
    E M I T T E R
 
-   Snippets are written in words that GLSL, HLSL, MSL and C share, one table entry each. A snippet needs every other one that
-   it names; the emitter follows these names from conemap_trace and writes what it met, needed ones first. So nothing
-   unused comes out, and there is no list of needs to be kept.
+   Snippets are written in words that GLSL, HLSL, MSL and C share, one table entry each; EMITTED WGSL translates what
+   comes of them. A snippet needs every other one that it names; the emitter follows these names from conemap_trace and
+   writes what it met, needed ones first. So nothing unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
      @move         lines that several tracers share; @<move the same, written four spaces to the left
      @> and @<     from here on four spaces to the right; no longer
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
-   Flags beside those of dialects: `returns` is HLSL, WGSL and MSL, whose entry points have parameters and results; `given`
-   is WGSL and MSL, where the host's arguments are a struct conemap_given; `wrapped` MSL with its struct around all.
+   Flags beside those of dialects: `returns` is HLSL, WGSL and MSL, whose entry points have parameters and results;
+   `given` is WGSL and MSL, where the host's arguments are a struct conemap_given; `wrapped` MSL with its struct around.
    ====================================================================================================== */
 
 #define CONEMAP__FLAGS(X)                                                                                           \
@@ -8477,7 +8477,7 @@ typedef struct conemap__piece {
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 96 /* snippets in one at most */
 #define CONEMAP__GIVEN 9       /* names that a host can give */
-#define CONEMAP__ITEM_SIZE 16384 /* the longest function of a dialect that is translated */
+#define CONEMAP__ITEM_SIZE 10240 /* WGSL: the longest function, with names as long as they may be */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -8874,8 +8874,8 @@ static const char conemap__compute_text[] =
     "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; "
     "steps, status\n"
     "?wgsl $RAYS_LAYOUTvar<storage, read> conemap_rays: array<vec4f>; // origin, t_min; direction, t_max\n"
-    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
-    "hit\n"
+    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without "
+    "a hit\n"
     "?wgsl,debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
     "hit; steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
@@ -10445,8 +10445,8 @@ static void conemap__wgsl_item(conemap__emitter *e) {
     }
 }
 
-/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. An item that is longer than the
-   room for it counts as a clash: only a host's names can make it so long. */
+/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. There is room for the longest
+   with the longest names; a longer one would be refused, never cut. */
 static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length) {
     size_t k;
     for (k = 0; k < length; ++k) {
@@ -11320,7 +11320,8 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     int asked;
     if (!CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT)) return CONEMAP_ERROR_ENUM;
     if (d->depth_bound != CONEMAP_DEPTH_ANY &&
-        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] || f[conemap__flag_wgsl] ||
+        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] ||
+         f[conemap__flag_wgsl] ||
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
@@ -11399,8 +11400,8 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     const int hlsl = f[conemap__flag_hlsl], array = f[conemap__flag_array], lod = f[conemap__flag_lod];
     const int holes = f[conemap__flag_holes], curved = f[conemap__flag_curved], host = f[conemap__flag_host];
     const int among = f[conemap__flag_wgsl] && d->sampler_binding == 0; /* samplers stand among the textures */
-    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] + f[conemap__flag_uses_maxima] +
-                  (among && f[conemap__flag_sampler]);
+    int binding = d->binding + f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] +
+                  f[conemap__flag_uses_maxima] + (among && f[conemap__flag_sampler]);
     int axis, end, k, target = 0;
     char *out;
     if (!f[conemap__flag_shading]) return;

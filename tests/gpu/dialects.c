@@ -1,7 +1,7 @@
 /* Emitted WGSL and MSL, run and compared with the CPU.
      WGSL: `write FOLDER` writes texts and inputs, wgsl.mjs runs them, `compare FOLDER` reads the answers.
-     MSL:  `texts FOLDER` writes texts and calls.h; compiled with these as C++ (-DCALLS='"calls.h"', and tests/gpu/metal_stdlib
-           in Metal's place) this same program runs them itself: `run`. */
+     MSL:  `texts FOLDER` writes texts and calls.h; compiled with these as C++ (-DCALLS='"calls.h"', and
+           tests/gpu/metal_stdlib in Metal's place) this same program runs them itself: `run`. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -168,8 +168,8 @@ static struct image image_new(const conemap_shader_desc *d, int width, int heigh
 }
 
 /* Puts values of a few channels into a level. */
-static void image_fill(const conemap_shader_desc *d, struct image *image, int level, int width, int height, int channels,
-                       const float *values)
+static void image_fill(const conemap_shader_desc *d, struct image *image, int level, int width, int height,
+                       int channels, const float *values)
 {
     float *from = image->texels;
     int i, j, k;
@@ -217,7 +217,8 @@ static void prepare(const conemap_shader_desc *d, const conemap_map *map, const 
 /* Which of the images a shader has. */
 static int has_image(const conemap_shader_desc *d, int k)
 {
-    const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP, cones = !blocks && d->trace.tracer != CONEMAP_TRACE_LINEAR;
+    const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP;
+    const int cones = !blocks && d->trace.tracer != CONEMAP_TRACE_LINEAR;
     const int apart = d->map.texture.layout == CONEMAP_CONE_ONLY || d->map.texture.sectors > 1;
     return k == 0   ? cones || !apart
            : k == 1 ? cones && d->map.texture.sectors == 8
@@ -258,7 +259,8 @@ static void write_bindings(const char *folder, int number, const conemap_shader_
     FILE *file = create(folder, number, ".json");
     const int compute = d->stage == CONEMAP_STAGE_COMPUTE;
     int binding = d->binding, k;
-    fprintf(file, "{\"compute\": %d, \"entry\": \"%s_main\", \"images\": [", compute, d->prefix ? d->prefix : "conemap");
+    fprintf(file, "{\"compute\": %d, \"entry\": \"%s_main\", \"images\": [", compute,
+            d->prefix ? d->prefix : "conemap");
     for (k = 0; k < 4; ++k) fprintf(file, "%s%d", k ? ", " : "", has_image(d, k) ? binding++ : -1);
     fprintf(file, "], \"array\": %d, \"sampler\": %d, ", d->array, d->filter != CONEMAP_FILTER_FETCH ? binding++ : -1);
     fprintf(file, "\"wrap\": [%d, %d], \"rays\": %d, \"given\": %d, ", d->map.wrap_u == CONEMAP_WRAP,
@@ -269,7 +271,8 @@ static void write_bindings(const char *folder, int number, const conemap_shader_
 }
 
 /* And the data: the arguments, the textures, the rays. */
-static void write_inputs(const char *folder, int number, int kind, const conemap_shader_desc *d, const struct inputs *in)
+static void write_inputs(const char *folder, int number, int kind, const conemap_shader_desc *d,
+                         const struct inputs *in)
 {
     char ending[32];
     FILE *file;
@@ -351,8 +354,8 @@ static int read_answers(const char *folder, int number, int kind, float *answers
     return got == size;
 }
 
-static void compare(const struct item *item, const conemap_map *map, const struct truth_map *truth, const conemap_ray *rays,
-                    const float *answers, struct compare_counts *counts)
+static void compare(const struct item *item, const conemap_map *map, const struct truth_map *truth,
+                    const conemap_ray *rays, const float *answers, struct compare_counts *counts)
 {
     const conemap_shader_desc *d = &item->desc;
     const int wide = d->steps || d->status ? 8 : 4;
@@ -426,8 +429,8 @@ static int kernel_reads(const struct making *m, int kernel)
 }
 
 /* The texts of a making that its passes need, numbered from 100 on, and how they are called. */
-static void write_making(const char *folder, int n, const conemap_shader_desc *d, const conemap_gpu_pass *passes, int count,
-                         FILE *calls)
+static void write_making(const char *folder, int n, const conemap_shader_desc *d, const conemap_gpu_pass *passes,
+                         int count, FILE *calls)
 {
     const struct making *m = &makings[n];
     FILE *file = calls ? NULL : create(folder, 100 * (n + 1), ".json");
@@ -459,8 +462,8 @@ static void write_making(const char *folder, int n, const conemap_shader_desc *d
         fprintf(calls, "out, uint2(i, j));\n}\n}\n");
     }
     if (calls) return;
-    fprintf(file, "{\"width\": %d, \"height\": %d, \"side\": %d, \"levels\": %d, \"format\": \"%s\", \"passes\": [", WIDE,
-            HIGH, SIDE, LEVELS,
+    fprintf(file, "{\"width\": %d, \"height\": %d, \"side\": %d, \"levels\": %d, ", WIDE, HIGH, SIDE, LEVELS);
+    fprintf(file, "\"format\": \"%s\", \"passes\": [",
             m->layout == CONEMAP_CONE_ONLY ? "r32float"
             : m->layout == CONEMAP_DUMMER  ? "rgba32float"
                                            : "rg32float");
@@ -471,7 +474,8 @@ static void write_making(const char *folder, int n, const conemap_shader_desc *d
                 100 * (n + 1) + (int)now->kernel, levels ? now->level : now->first, now->last, now->level,
                 levels || now->kernel == CONEMAP_KERNEL_RING || now->kernel == CONEMAP_KERNEL_EXACT);
         fprintf(file, "\"own\": %d, \"level\": %d, \"bits\": %d, \"reads\": %d, \"writes\": %d, \"groups\": [%d, %d]}",
-                levels, now->level, kernel_reads(m, (int)now->kernel), now->reads, now->writes, now->groups_x, now->groups_y);
+                levels, now->level, kernel_reads(m, (int)now->kernel), now->reads, now->writes, now->groups_x,
+                now->groups_y);
     }
     fprintf(file, "]}\n");
     fclose(file);
@@ -501,7 +505,8 @@ static void free_grid(struct grid *g)
 static long cones_made;
 
 /* Of four floats a texel, as the texture's channels. */
-static void judge_making(const struct making *m, const conemap_map *map, const float *heights, const float *made, int channels)
+static void judge_making(const struct making *m, const conemap_map *map, const float *heights, const float *made,
+                         int channels)
 {
     static float cones[WIDE * HIGH], right[WIDE * HIGH * 4];
     const int safe = m->guarantee == CONEMAP_GUARANTEE_BILINEAR, at = m->layout == CONEMAP_CONE_ONLY ? 0 : 1;
@@ -523,7 +528,8 @@ static void judge_making(const struct making *m, const conemap_map *map, const f
             wrong("%s: %d cells are not safe", m->name, (int)(report.unsafe + report.unproven));
         wide = 0; /* the CPU's are others */
     }
-    if (wide || narrow || other) wrong("%s: %d cones wider, %d narrower, %d heights or slopes", m->name, wide, narrow, other);
+    if (wide || narrow || other)
+        wrong("%s: %d cones wider, %d narrower, %d heights or slopes", m->name, wide, narrow, other);
 }
 
 static int read_answers(const char *folder, int number, int kind, float *answers, size_t size);
@@ -580,7 +586,7 @@ static void kernels(const char *folder, conemap_dialect dialect, int writes, FIL
                 for (k = 0; k < WIDE * HIGH; ++k)
                     for (c = 0; c < channels; ++c) made[channels * k + c] = g.out.texels[4 * k + c];
                 free_grid(&g);
-            } else if (!read_answers(folder, 100 * (n + 1), kind, made, sizeof(float) * WIDE * HIGH * (size_t)channels)) {
+            } else if (!read_answers(folder, 100 * (n + 1), kind, made, WIDE * HIGH * 4 * (size_t)channels)) {
                 wrong("%s: no answers", m->name);
             }
             judge_making(m, &map, heights, made, channels);
@@ -679,8 +685,8 @@ int main(int argument_count, char **arguments)
         different_done += counts.different;
         printf("%s %-38s %6d rays, %6d hits, %3d differ, %2d not on an edge, misses: %d by 2^-20, %d beyond single "
                "precision\n",
-               dialect, item->name, counts.rays, counts.hits, counts.different, counts.unexplained, counts.strict_misses,
-               counts.misses);
+               dialect, item->name, counts.rays, counts.hits, counts.different, counts.unexplained,
+               counts.strict_misses, counts.misses);
         if (counts.hits < counts.rays / 5) wrong("%s: too few hits", item->name);
         if (item->desc.filter == CONEMAP_FILTER_HARDWARE) {
             if (counts.different * 50 > counts.rays) wrong("%s: %d rays differ", item->name, counts.different);
@@ -707,7 +713,7 @@ int main(int argument_count, char **arguments)
 #ifdef CALLS
     if (faults) wrong("%ld reads beyond a texture", faults);
 #endif
-    if (!writes && !texts) printf("%s run: %ld rays, %ld differ; %ld cones by kernels\n", dialect, rays_done, different_done,
-                                    cones_made);
+    if (!writes && !texts)
+        printf("%s run: %ld rays, %ld differ; %ld cones by kernels\n", dialect, rays_done, different_done, cones_made);
     return failures != 0;
 }

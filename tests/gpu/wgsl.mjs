@@ -58,7 +58,8 @@ async function make(device, folder, n) {
       usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST | GPUTextureUsage.STORAGE_BINDING |
         GPUTextureUsage.COPY_SRC });
     const heights = textureOf([width, height], 1, 'r32float'), maxima = textureOf([side, side], levels, 'r32float');
-    const states = [0, 1].map(() => textureOf([width, height], 1, 'r32float')), out = textureOf([width, height], 1, format);
+    const states = [0, 1].map(() => textureOf([width, height], 1, 'r32float'));
+    const out = textureOf([width, height], 1, format);
     device.queue.writeTexture(
       { texture: heights }, readFileSync(join(folder, `${n}_${kind}.in`)), { bytesPerRow: width * 4 }, [width, height]);
     for (const p of is.passes) {
@@ -95,7 +96,8 @@ async function make(device, folder, n) {
     device.queue.submit([encoder.finish()]);
     await back.mapAsync(GPUMapMode.READ);
     const all = new Float32Array(back.getMappedRange().slice(0)), made = new Float32Array(width * height * channels);
-    for (let j = 0; j < height; ++j) made.set(all.subarray(j * row / 4, j * row / 4 + width * channels), j * width * channels);
+    for (let j = 0; j < height; ++j)
+      made.set(all.subarray(j * row / 4, j * row / 4 + width * channels), j * width * channels);
     writeFileSync(join(folder, `${n}_${kind}.out`), made);
     for (const thing of [heights, maxima, ...states, out, back]) thing.destroy();
   }
@@ -164,12 +166,13 @@ async function run(folder) {
         entries.push({ binding: is.sampler, resource });
       }
       const rays = bufferOf(data.slice(at), GPUBufferUsage.STORAGE), size = count * 16 * is.targets;
-      const hits = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC | GPUBufferUsage.COPY_DST });
+      const hits = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
       const back = device.createBuffer({ size, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
       made.push(hits, back);
       const encoder = device.createCommandEncoder();
       if (is.compute) {
-        entries.push({ binding: is.rays, resource: { buffer: rays } }, { binding: is.rays + 1, resource: { buffer: hits } });
+        entries.push({ binding: is.rays, resource: { buffer: rays } });
+        entries.push({ binding: is.rays + 1, resource: { buffer: hits } });
         const pass = encoder.beginComputePass();
         pass.setPipeline(pipeline);
         pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
@@ -199,7 +202,7 @@ async function run(folder) {
       for (let k = 0; k < count; ++k) // targets come one after the other, hits with their numbers beside them
         for (let t = 0; t < is.targets; ++t)
           for (let c = 0; c < 4; ++c)
-            out[(k * is.targets + t) * 4 + c] = answers[is.compute ? (k * is.targets + t) * 4 + c : (t * count + k) * 4 + c];
+            out[(k * is.targets + t) * 4 + c] = answers[(is.compute ? k * is.targets + t : t * count + k) * 4 + c];
       writeFileSync(join(folder, `${n}_${kind}.out`), out);
       back.unmap();
       for (const thing of made) thing.destroy();
