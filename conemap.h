@@ -1016,7 +1016,7 @@ typedef struct conemap_gpu_pass {
    set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
    maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
    other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
-   and in GLSL what is written. Not for maps with sectors. FUNCTIONS are
+   and but for HLSL what is written. Not for maps with sectors. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -15755,6 +15755,7 @@ CONEMAP__DEF conemap_result conemap_bake_sky(const conemap_map *map, const conem
 #undef CONEMAP__SIGHT_REACH
 #undef CONEMAP__SIGHTS
 #undef CONEMAP__GIVEN
+#undef CONEMAP__ITEM_SIZE
 #undef CONEMAP__FINEST
 #undef CONEMAP__EIGHTHS
 #undef CONEMAP__NOTED
