@@ -39,7 +39,7 @@
        P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
        P R E P A R E D   T R A C I N G   the same for many rays: a table for each cell, rays side by side
-       S H A D E R S               the tracers as GLSL, HLSL and C
+       S H A D E R S               the tracers as GLSL, HLSL, WGSL, MSL and C
        E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
        F R U S T A                 skeletons skinned with relief-mapped conical frusta
      and under CONEMAP_IMPLEMENTATION
@@ -852,22 +852,23 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the depth
    as the first number of one more. Its buffers follow the textures and Vulkan's block. WGSL and MSL lack it: UNSUPPORTED.
 
-   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the order
-   of the text.
+   WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the
+   order of the text.
      - WGSL: everything of the text is @group(`set`), bindings follow each other from `binding` on in the order of the
-       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has no
-       prototypes. select() looks at both sides of what is ?: elsewhere: nothing is missed by that. depth_bound, and the
-       formats of storage textures that WebGPU lacks at its core (16-bit ones and one or two channels of 8 bits;
-       KERNEL_STORE in COMPUTE), are UNSUPPORTED.
-     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures, the
-       sampler and, in whole shaders, the arguments, in this order:
+       text; samplers too, unless sampler_binding is not 0. A host's functions are only named in a comment, as WGSL has
+       no prototypes. select() looks at both sides of what is ?: elsewhere, which have no side effects. depth_bound, and
+       the formats of storage textures that WebGPU lacks at its core (KERNEL_STORE in COMPUTE: all but f32, and of four
+       channels f16 and unorm8), are UNSUPPORTED.
+     - MSL: functions see no textures, so all is inside a struct conemap_shader, whose first members are the textures,
+       the sampler and, in whole shaders, the arguments, in this order:
            conemap_shader shader = {texture};
            auto hit = shader.conemap_trace(origin, direction);
+       In shaders of frusta their buffer or texture comes behind the sampler, and the camera where the arguments are.
        Entry points take [[texture(n)]] from `binding` on, [[sampler(n)]] from sampler_binding on and [[buffer(n)]] from
-       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are [[user(locn0)]]
-       and so on). With `external` or a host's fetch there is no struct and no #include: the text is to be put into a struct
-       of the host's, which has the textures and those functions as members; FUNCTIONS only. Compile without fast math
-       (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
+       `binding` on (rays, hits, arguments, which in COMPUTE begin with conemap_ray_count; varyings are
+       [[user(locn0)]] and so on). With `external` or a host's fetch there is no struct and no #include: the text is to
+       be put into a struct of the host's, which has the textures and those functions as members; FUNCTIONS only.
+       Compile without fast math (fastMathEnabled = NO, -fno-fast-math): it holds infinities and NaNs for impossible.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
@@ -881,8 +882,8 @@ typedef enum conemap_dialect {
     CONEMAP_HLSL_60,
     CONEMAP_C99,             /* for tests, tools and a debugger of the CPU; needs a `fetch`, FUNCTIONS only. Give it a
                                 prefix where conemap.h is included */
-    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above. Not conemap_emit_frusta */
-    CONEMAP_MSL,             /* Metal 2. Not conemap_emit_frusta */
+    CONEMAP_WGSL,            /* WebGPU; see WGSL and MSL above */
+    CONEMAP_MSL,             /* Metal 2; as well */
     CONEMAP_DIALECT_COUNT
 } conemap_dialect;
 
@@ -964,7 +965,7 @@ typedef struct conemap_shader_desc {
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
    (a number out of range; a name that is no identifier, equals another or is a word of the text itself; in WGSL also
-   names so long that a function exceeds 16 KB); UNSUPPORTED
+   `let`, `select` and other words of its own); UNSUPPORTED
    (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
    nothing. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
@@ -1028,12 +1029,12 @@ typedef struct conemap_gpu_pass {
 } conemap_gpu_pass;
 
 /* Writes a kernel. desc: dialect, stage, map (wraps, aspect, max_tan, texture, generator), fixed_size, prefix, binding,
-   set, heights_name (default prefix_heights), map_name (the state read; default prefix_state), maxima_name, precision,
-   fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima; other fields are ignored.
-   Bindings follow each other in the order state, heights, maxima, as far as there are any, and in GLSL what is written.
-   Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level, sector, as far as there are
-   any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then `float NAME(int i, int j, int sector)`,
-   and all functions of the state get `int sector` before the size. FUNCTIONS are
+   set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
+   maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
+   other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
+   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level,
+   sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
+   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -1345,7 +1346,7 @@ typedef enum conemap_frusta_source { /* what the frusta are read from, always as
                                     its compilers refuse them beside SV_Depth) */
     CONEMAP_FRUSTA_UNIFORMS,     /* uniform block (std140), constant buffer */
     CONEMAP_FRUSTA_TEXTURE,      /* RGBA32I texture: nine texels a frustum, floor(width / 9) frusta a row. Not HLSL */
-    CONEMAP_FRUSTA_TEXELS,       /* buffer texture, Buffer<int4>, RGBA32I. Not ES */
+    CONEMAP_FRUSTA_TEXELS,       /* buffer texture, Buffer<int4>, RGBA32I. Not ES, WGSL, MSL */
     CONEMAP_FRUSTA_SOURCE_COUNT
 } conemap_frusta_source;
 
@@ -1367,16 +1368,19 @@ typedef struct conemap_frusta_shader_desc {
     float blend;                 /* conemap_skeleton_desc.blend; 0: creases, and far fewer reads */
 
     const char *shade;           /* FRAGMENT: a function of the host, `vec4 NAME(conemap_frustum_hit hit)`, whose answer
-                                    goes to the target. Null: to the first target the shading normal and the height w in
+                                    goes to the target (MSL: a member of conemap_shader that the host defines behind the
+                                    text). Null: to the first target the shading normal and the height w in
                                     the shell, to the second u and v of the map, the frustum, and t */
     int depth_only;              /* FRAGMENT, nonzero: no target, for shadow maps */
     conemap_depth_bound depth_bound; /* FRAGMENT, what is promised of the depth: GREATER where front faces of the bounds
                                     are drawn, LESS where the back ones (reversed depth: the other way around) */
-    unsigned flags;              /* conemap_effect bits: see conemap_skeleton_shade. VERTEX: not looked at */
+    unsigned flags;              /* conemap_effect bits: see conemap_skeleton_shade. VERTEX: not looked at. WGSL and MSL
+                                    lack them: UNSUPPORTED */
     int zero_to_one;             /* nonzero: OpenGL with clip space z in 0..1 (glClipControl) */
 
     int set, binding, sampler_binding; /* as in conemap_shader_desc: the map's textures, then the frusta. HLSL: constant
-                                    buffers are registers b: UNIFORMS, then the camera. Vulkan: it is push constants */
+                                    buffers are registers b: UNIFORMS, then the camera. Vulkan: it is push constants.
+                                    MSL: buffers are BUFFER or UNIFORMS, then the camera. WGSL: the camera comes last */
     const char *prefix;          /* of every emitted name; null: "conemap" */
     const char *frusta_name;     /* null: prefix_frusta */
     const char *map_name, *heights_name, *sampler_name; /* as in conemap_shader_desc */
@@ -7621,14 +7625,16 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
 /* ======================================================================================================
    E M I T T E R
 
-   Snippets are written in words that GLSL, HLSL and C share, one table entry each. A snippet needs every other one that
-   it names; the emitter follows these names from conemap_trace and writes what it met, needed ones first. So nothing
-   unused comes out, and there is no list of needs to be kept.
+   Snippets are written in words that GLSL, HLSL, MSL and C share, one table entry each; EMITTED WGSL translates what
+   comes of them. A snippet needs every other one that it names; the emitter follows these names from conemap_trace and
+   writes what it met, needed ones first. So nothing unused comes out, and there is no list of needs to be kept.
      ?a,!b text    a line for emissions where flag a is set and b is not
      @move         lines that several tracers share; @<move the same, written four spaces to the left
      @> and @<     from here on four spaces to the right; no longer
      $NAME         a piece that depends on the desc
      conemap_x     gets the host's prefix; vec2, min, 1.0f and a few others become the dialect's words
+   Flags beside those of dialects: `returns` is HLSL, WGSL and MSL, whose entry points have parameters and results;
+   `given` is WGSL and MSL, where the host's arguments are a struct conemap_given; `wrapped` MSL with its struct around.
    ====================================================================================================== */
 
 #define CONEMAP__FLAGS(X)                                                                                           \
@@ -8316,7 +8322,10 @@ static const char conemap__fields_text[] =
     "?sampler sampler $SAMPLER_NAME;\n"
     "?holes $TEXTURE<float> conemap_alpha;\n"
     "?colors texture2d<float> conemap_colors;\n"
-    "?colors sampler conemap_color_sampler;\n";
+    "?colors sampler conemap_color_sampler;\n"
+    "?from_buffer device const int4 *$FRUSTA_NAME;\n"
+    "?from_uniforms constant int4 *$FRUSTA_NAME;\n"
+    "?from_texture texture2d<int> $FRUSTA_NAME;\n";
 
 static const char conemap__parameters_text[] =
     "?uses_map     $TEXTURE<float> $MAP_NAME$MAP_LAYOUT,\n"
@@ -8327,6 +8336,10 @@ static const char conemap__parameters_text[] =
     "?holes     $TEXTURE<float> conemap_alpha$ALPHA_LAYOUT,\n"
     "?colors     texture2d<float> conemap_colors$COLORS_LAYOUT,\n"
     "?colors     sampler conemap_color_sampler$COLOR_SAMPLER_LAYOUT,\n"
+    "?from_buffer     device const int4 *$FRUSTA_NAME$FRUSTA_LAYOUT,\n"
+    "?from_uniforms     constant int4 *$FRUSTA_NAME$FRUSTA_LAYOUT,\n"
+    "?from_texture     texture2d<int> $FRUSTA_NAME$FRUSTA_LAYOUT,\n"
+    "?camera     constant conemap_shader::conemap_camera &conemap_given$CAMERA_LAYOUT,\n"
     "?arguments     constant conemap_shader::conemap_arguments &conemap_given$GIVEN_LAYOUT,\n";
 
 static const char conemap__names_text[] =
@@ -8338,6 +8351,10 @@ static const char conemap__names_text[] =
     "?holes         conemap_alpha,\n"
     "?colors         conemap_colors,\n"
     "?colors         conemap_color_sampler,\n"
+    "?from_buffer         $FRUSTA_NAME,\n"
+    "?from_uniforms         $FRUSTA_NAME,\n"
+    "?from_texture         $FRUSTA_NAME,\n"
+    "?camera         conemap_given,\n"
     "?arguments         conemap_given,\n";
 
 /* Words of GLSL, HLSL and C; the second form stands before a parenthesis. */
@@ -8400,7 +8417,7 @@ typedef struct conemap__piece {
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 96 /* snippets in one at most */
 #define CONEMAP__GIVEN 9       /* names that a host can give */
-#define CONEMAP__ITEM_SIZE 16384 /* the longest function of a dialect that is translated */
+#define CONEMAP__ITEM_SIZE 10240 /* WGSL: the longest function, with names as long as they may be */
 
 typedef struct conemap__emitter {
     conemap_shader_desc desc;
@@ -8808,8 +8825,8 @@ static const char conemap__compute_text[] =
     "?hlsl,debug RWStructuredBuffer<float4> conemap_hits$HITS_LAYOUT; // u, v, z, t, which is -1 without a hit; "
     "steps, status\n"
     "?wgsl $RAYS_LAYOUTvar<storage, read> conemap_rays: array<vec4f>; // origin, t_min; direction, t_max\n"
-    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
-    "hit\n"
+    "?wgsl,!debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without "
+    "a hit\n"
     "?wgsl,debug $HITS_LAYOUTvar<storage, read_write> conemap_hits: array<vec4f>; // u, v, z, t, which is -1 without a "
     "hit; steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
@@ -9548,7 +9565,8 @@ static void conemap__make_pieces(conemap__emitter *e) {
     if (!f[conemap__flag_kernel] && !f[conemap__flag_shading])
         conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_compute] ? binding + 2 : binding);
     conemap__piece_set(e, "ENTRY", 1,
-                       !f[conemap__flag_compute]  ? "@fragment"
+                       f[conemap__flag_vertex]    ? "@vertex"
+                       : !f[conemap__flag_compute] ? "@fragment"
                        : f[conemap__flag_kernel] ? "@compute @workgroup_size(8, 8)"
                                                  : "@compute @workgroup_size(64)");
     conemap__append_int(conemap__piece_new(e, "BINDING", 1), size, d->binding);
@@ -10477,8 +10495,8 @@ static void conemap__wgsl_item(conemap__emitter *e) {
     }
 }
 
-/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. An item that is longer than the
-   room for it counts as a clash: only a host's names can make it so long. */
+/* Takes text in and lets whole items go: what ends with a line, outside of all brackets. There is room for the longest
+   with the longest names; a longer one would be refused, never cut. */
 static void conemap__wgsl_collect(conemap__emitter *e, const char *text, size_t length) {
     size_t k;
     for (k = 0; k < length; ++k) {
@@ -11416,7 +11434,8 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     int asked;
     if (!CONEMAP__KNOWN(d->depth_bound, CONEMAP_DEPTH_BOUND_COUNT)) return CONEMAP_ERROR_ENUM;
     if (d->depth_bound != CONEMAP_DEPTH_ANY &&
-        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] || f[conemap__flag_wgsl] ||
+        (!(flags & CONEMAP_EFFECT_DEPTH) || !f[conemap__flag_fragment] || f[conemap__flag_es] ||
+         f[conemap__flag_wgsl] ||
          d->dialect == CONEMAP_GLSL_330))
         return CONEMAP_ERROR_UNSUPPORTED;
     if (flags == 0) return CONEMAP_OK;
@@ -13689,7 +13708,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
     {"conemap_row",
      "// One of a frustum's nine rows, as integers: as floats, a unit could flush its small ones to 0.\n"
      "$FNivec4 conemap_row(int frustum, int row) {\n"
-     "?from_texture     int across = textureSize($FRUSTA_NAME, 0).x / 9;\n"
+     "?from_texture     int across = $FRUSTA_WIDTH / 9;\n"
      "    return $ROW;\n"
      "}\n"},
     {"conemap_load",
@@ -14504,7 +14523,12 @@ static const char conemap__frusta_head[] =
     "?camera // parallel rays (direction, 0); conemap_first: the frustum of instance 0.\n"
     "?c #include <math.h>\n"
     "?c #include <stdbool.h>\n"
+    "?wrapped #include <metal_stdlib>\n"
+    "?wrapped using namespace metal;\n"
     "\n"
+    "?wrapped struct conemap_shader {\n"
+    "?wrapped @>\n"
+    "?wrapped @fields\n"
     "?es precision highp float;\n"
     "?es precision highp int;\n"
     "?glsl,from_buffer layout(std430$FRUSTA_LAYOUT) readonly buffer conemap_frusta_block {\n"
@@ -14519,54 +14543,86 @@ static const char conemap__frusta_head[] =
     "?hlsl,from_uniforms cbuffer conemap_frusta_block$FRUSTA_LAYOUT {\n"
     "?hlsl,from_uniforms     int4 $FRUSTA_NAME[$ROWS];\n"
     "?hlsl,from_uniforms };\n"
+    "?uses_map,wgsl $MAP_LAYOUTvar $MAP_NAME: $TEXTURE<f32>;\n"
+    "?uses_heights,wgsl $HEIGHTS_LAYOUTvar $HEIGHTS_NAME: $TEXTURE<f32>;\n"
+    "?sampler,wgsl $SAMPLER_LAYOUTvar $SAMPLER_NAME: sampler;\n"
+    "?wgsl,from_buffer $FRUSTA_LAYOUTvar<storage, read> $FRUSTA_NAME: array<vec4i>;\n"
+    "?wgsl,from_uniforms $FRUSTA_LAYOUTvar<uniform> $FRUSTA_NAME: array<vec4i, $ROWS>;\n"
+    "?wgsl,from_texture $FRUSTA_LAYOUTvar $FRUSTA_NAME: texture_2d<i32>;\n"
     "?uses_map,glsl $MAP_LAYOUTuniform $SAMPLER $MAP_NAME;\n"
     "?uses_heights,glsl $HEIGHTS_LAYOUTuniform $SAMPLER $HEIGHTS_NAME;\n"
     "?uses_map,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
-    "?sampler SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?sampler,hlsl SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
     "?colors,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
     "?colors,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
     "?colors,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
     "?camera,vulkan layout(push_constant) uniform conemap_camera {\n"
     "?camera,hlsl cbuffer conemap_camera$CAMERA_LAYOUT {\n"
+    "?camera,given struct conemap_camera {\n"
     "?camera $UNIFORMmat4 conemap_view_projection;\n"
     "?camera,fragment,!blocks $UNIFORMvec4 conemap_eye;\n"
     "?camera,vertex,!blocks $UNIFORMint conemap_first;\n"
     "?camera,blocks $UNIFORMvec4 conemap_eye;\n"
     "?camera,blocks $UNIFORMint conemap_first;\n"
     "?camera,blocks };\n"
+    "?camera,wgsl $CAMERA_LAYOUTvar<uniform> conemap_given: conemap_camera;\n"
+    "?camera,msl conemap_camera conemap_given;\n"
     "\n";
 
 static const char conemap__frusta_host[] = /* prototypes of the host's functions */
-    "?from_host ivec4 $FETCH_FRUSTA_NAME(int frustum, int row);\n"
-    "?host,relief $TEXEL_TYPE $FETCH_NAME(int i, int j);\n"
-    "?host_lines \n";
+    "?from_host,!msl ivec4 $FETCH_FRUSTA_NAME(int frustum, int row);\n"
+    "?host,relief,!msl $TEXEL_TYPE $FETCH_NAME(int i, int j);\n"
+    "?host_lines,!msl \n";
 
 static const char conemap__frusta_vertex[] =
     "?glsl $IN_0out vec3 conemap_place; // in the frustum's frame\n"
     "?glsl $IN_1flat out int conemap_segment;\n"
-    "?hlsl struct conemap_vertex {\n"
+    "?returns struct conemap_vertex {\n"
     "?hlsl     float3 place : TEXCOORD0; // in the frustum's frame\n"
     "?hlsl     nointerpolation int segment : TEXCOORD1;\n"
     "?hlsl     float4 position : SV_Position;\n"
-    "?hlsl };\n"
+    "?wgsl     @location(0) place: vec3f, // in the frustum's frame\n"
+    "?wgsl     @location(1) @interpolate(flat) segment: i32,\n"
+    "?wgsl     @builtin(position) position: vec4f,\n"
+    "?msl     float3 place [[user(locn0)]]; // in the frustum's frame\n"
+    "?msl     int segment [[user(locn1), flat]];\n"
+    "?msl     float4 position [[position]];\n"
+    "?returns };\n"
     "\n"
     "?glsl void main() {\n"
     "?hlsl conemap_vertex main(uint number : SV_VertexID, uint instance : SV_InstanceID) {\n"
-    "    int frustum = conemap_first + $INSTANCE;\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(@builtin(vertex_index) number: u32, @builtin(instance_index) instance: u32) -> "
+    "conemap_vertex {\n"
+    "?msl conemap_vertex conemap_run(uint number, uint instance) {\n"
+    "    int frustum = $GIVENconemap_first + $INSTANCE;\n"
     "    vec3 place = conemap_bounds(frustum, $NUMBER);\n"
     "    vec3 position = conemap_place_out_of(conemap_load(frustum), place);\n"
     "?glsl     conemap_place = place;\n"
     "?glsl     conemap_segment = frustum;\n"
     "?glsl     gl_Position = conemap_view_projection * vec4(position, 1.0f);\n"
-    "?hlsl     conemap_vertex v;\n"
-    "?hlsl     v.place = place;\n"
-    "?hlsl     v.segment = frustum;\n"
+    "?returns     conemap_vertex v;\n"
+    "?returns     v.place = place;\n"
+    "?returns     v.segment = frustum;\n"
     "?hlsl     v.position = mul(conemap_view_projection, vec4(position, 1.0f));\n"
-    "?hlsl     return v;\n"
-    "}\n";
+    "?given     v.position = $GIVENconemap_view_projection * vec4(position, 1.0f);\n"
+    "?returns     return v;\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl vertex conemap_shader::conemap_vertex conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     uint number [[vertex_id]],\n"
+    "?msl     uint instance [[instance_id]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(number, instance);\n"
+    "?msl }\n";
 
-static const char conemap__frusta_fragment[] =
+static const char conemap__frusta_targets[] =
     "?settings,vulkan $BLOCK_LAYOUTuniform conemap_settings_block {\n"
     "?settings,hlsl cbuffer conemap_settings_block$BLOCK_LAYOUT {\n"
     "?settings $UNIFORMconemap_frusta_effects conemap_settings;\n"
@@ -14583,7 +14639,7 @@ static const char conemap__frusta_fragment[] =
     "?glsl,told,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, fade\n"
     "?glsl,greater layout(depth_greater) out float gl_FragDepth;\n"
     "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
-    "?hlsl struct conemap_targets {\n"
+    "?returns struct conemap_targets {\n"
     "?hlsl,shaded     float4 color : SV_Target0;\n"
     "?hlsl,coded     float4 normal : SV_Target0;      // for shading; w: height in the shell\n"
     "?hlsl,coded     float4 coordinates : SV_Target1; // u, v of the map; frustum; t\n"
@@ -14593,33 +14649,64 @@ static const char conemap__frusta_fragment[] =
     "?hlsl,told,colors     float4 target$TARGET_3 : SV_Target$TARGET_3; // colour\n"
     "?hlsl,told,numbers     float4 target$TARGET_4 : SV_Target$TARGET_4; // shadow, occlusion, level, fade\n"
     "?hlsl,deep     float depth : $SV_DEPTH;\n"
-    "?hlsl };\n"
+    "?wgsl,shaded     @location(0) color: vec4f,\n"
+    "?wgsl,coded     @location(0) normal: vec4f,      // for shading; w: height in the shell\n"
+    "?wgsl,coded     @location(1) coordinates: vec4f, // u, v of the map; frustum; t\n"
+    "?wgsl,deep     @builtin(frag_depth) depth: f32,\n"
+    "?msl,shaded     float4 color [[color(0)]];\n"
+    "?msl,coded     float4 normal [[color(0)]];      // for shading; w: height in the shell\n"
+    "?msl,coded     float4 coordinates [[color(1)]]; // u, v of the map; frustum; t\n"
+    "?msl,deep     float depth [[depth(any)]];\n"
+    "?returns };\n";
+
+static const char conemap__frusta_fragment[] =
     "?shaded vec4 $SHADE_NAME(conemap_frustum_hit hit);\n"
     "\n"
     "?glsl void main() {\n"
     "?hlsl conemap_targets main(float3 place : TEXCOORD0, nointerpolation int segment : TEXCOORD1) {\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(@location(0) place: vec3f, @location(1) @interpolate(flat) segment: i32) -> "
+    "conemap_targets {\n"
+    "?msl conemap_targets conemap_run(float3 place, int segment) {\n"
     "?glsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSconemap_segment, conemap_place, conemap_eye);\n"
-    "?hlsl     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSsegment, place, conemap_eye);\n"
+    "?returns     conemap_frustum_hit hit = conemap_see_frustum($SETTINGSsegment, place, $GIVENconemap_eye);\n"
     "    if (!hit.found) discard;\n"
     "?glsl,deep     vec4 clip = conemap_view_projection * vec4(hit.position, 1.0f);\n"
     "?hlsl,deep     float4 clip = mul(conemap_view_projection, vec4(hit.position, 1.0f));\n"
+    "?given,deep     vec4 clip = $GIVENconemap_view_projection * vec4(hit.position, 1.0f);\n"
     "?glsl,deep,halved     gl_FragDepth = 0.5f * clip.z / clip.w + 0.5f;\n"
     "?glsl,deep,!halved     gl_FragDepth = clip.z / clip.w;\n"
     "?glsl,coded     conemap_normal = vec4(hit.normal, hit.uvw.z);\n"
     "?glsl,coded     conemap_coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
-    "?hlsl     conemap_targets targets;\n"
-    "?hlsl,shaded     targets.color = $SHADE_NAME(hit);\n"
+    "?returns     conemap_targets targets;\n"
+    "?returns,shaded     targets.color = $SHADE_NAME(hit);\n"
     "?glsl,shaded     conemap_target0 = $SHADE_NAME(hit);\n"
-    "?hlsl,coded     targets.normal = vec4(hit.normal, hit.uvw.z);\n"
-    "?hlsl,coded     targets.coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
+    "?returns,coded     targets.normal = vec4(hit.normal, hit.uvw.z);\n"
+    "?returns,coded     targets.coordinates = vec4(hit.map, float(hit.frustum), hit.t);\n"
     "?told     $INTO_0 = vec4(hit.uvw, hit.t);\n"
     "?told,world     $INTO_1 = vec4(hit.position, float(hit.frustum));\n"
     "?told,normal_out     $INTO_2 = vec4(hit.normal, 0.0f);\n"
     "?told,colors     $INTO_3 = conemap_color(hit);\n"
     "?told,numbers     $INTO_4 = vec4($NUMBERS);\n"
-    "?hlsl,deep     targets.depth = clip.z / clip.w;\n"
-    "?hlsl     return targets;\n"
-    "}\n";
+    "?returns,deep     targets.depth = clip.z / clip.w;\n"
+    "?returns     return targets;\n"
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl struct conemap_inputs {\n"
+    "?msl     float3 place [[user(locn0)]];\n"
+    "?msl     int segment [[user(locn1), flat]];\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl fragment conemap_shader::conemap_targets conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     conemap_inputs inputs [[stage_in]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl     };\n"
+    "?msl     return shader.conemap_run(inputs.place, inputs.segment);\n"
+    "?msl }\n";
 
 /* Sets the flags of effects: what an emission without any has, and says what does not go with them. */
 static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const conemap_frusta_shader_desc *d) {
@@ -14665,9 +14752,9 @@ static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const
     f[conemap__flag_told] = fragment && !d->shade && !d->depth_only && flags != 0;
     f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
     f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
-    if ((d->depth_only && !f[conemap__flag_deep]) ||
+    if ((d->depth_only && !f[conemap__flag_deep]) || (flags && f[conemap__flag_given]) ||
         (d->depth_bound != CONEMAP_DEPTH_ANY &&
-         (!f[conemap__flag_deep] || f[conemap__flag_es] || d->dialect == CONEMAP_GLSL_330)))
+         (!f[conemap__flag_deep] || f[conemap__flag_es] || f[conemap__flag_given] || d->dialect == CONEMAP_GLSL_330)))
         return CONEMAP_ERROR_UNSUPPORTED;
     return CONEMAP_OK;
 }
@@ -14680,8 +14767,8 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 1},
         {CONEMAP_FRUSTA_TEXTURE, 0, 1, 1, 0}, {CONEMAP_FRUSTA_TEXTURE, 1, 1, 1, 0},
         {CONEMAP_FRUSTA_TEXELS, 0, 1, 0, 1},  {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 1},
-        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}, {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0},
-        {CONEMAP_FRUSTA_BUFFER, 1, 1, 0, 0}};
+        {CONEMAP_FRUSTA_DEFAULT, 0, 0, 0, 0}, {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 0},
+        {CONEMAP_FRUSTA_BUFFER, 1, 1, 1, 0}};
     conemap_shader_desc *s = &e->desc;
     unsigned char *f = e->flags;
     conemap_skeleton_trace_desc trace;
@@ -14736,7 +14823,6 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
         if (d->shade && e->given[k] && strcmp(d->shade, e->given[k]) == 0) return CONEMAP_ERROR_PARAMETER;
     if (!conemap__is_name(d->shade)) return CONEMAP_ERROR_PARAMETER;
     e->given[7] = d->shade; /* there are no octants */
-    if (f[conemap__flag_given]) return CONEMAP_ERROR_UNSUPPORTED; /* not yet */
     if (d->source == CONEMAP_FRUSTA_DEFAULT)
         d->source = (conemap_frusta_source)sources[d->dialect][0];
     else if (!sources[d->dialect][d->source])
@@ -14760,7 +14846,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     f[conemap__flag_camera] = d->stage != CONEMAP_FRUSTA_FUNCTIONS;
     f[conemap__flag_shaded] = f[conemap__flag_fragment] && d->shade;
     f[conemap__flag_halved] = !f[conemap__flag_vulkan] && !d->zero_to_one;
-    f[conemap__flag_blocks] = f[conemap__flag_hlsl] || f[conemap__flag_vulkan];
+    f[conemap__flag_blocks] = f[conemap__flag_returns] || f[conemap__flag_vulkan];
     f[conemap__flag_any] = d->any_hit != 0;
     f[conemap__flag_version] = f[conemap__flag_glsl] && d->stage != CONEMAP_FRUSTA_FUNCTIONS;
     f[conemap__flag_from_host] = d->fetch_frusta != NULL;
@@ -14771,6 +14857,8 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     f[conemap__flag_from_texels] = !d->fetch_frusta && d->source == CONEMAP_FRUSTA_TEXELS;
     f[conemap__flag_from_block] = f[conemap__flag_from_buffer] || f[conemap__flag_from_uniforms];
     f[conemap__flag_host] = d->relief && d->fetch;
+    f[conemap__flag_wrapped] = f[conemap__flag_msl] && !f[conemap__flag_host_lines];
+    f[conemap__flag_arguments] = 0;
     if (!d->relief || f[conemap__flag_vertex])
         f[conemap__flag_uses_map] = f[conemap__flag_uses_heights] = f[conemap__flag_sampler] = 0;
     f[conemap__flag_uses_maxima] = 0;
@@ -14842,7 +14930,9 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
     const unsigned char *f = e->flags;
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], uniforms = f[conemap__flag_from_uniforms],
-              after = f[conemap__flag_uses_map] + f[conemap__flag_uses_heights];
+              after = f[conemap__flag_uses_map] + f[conemap__flag_uses_heights] +
+                      (f[conemap__flag_wgsl] && f[conemap__flag_sampler] && e->desc.sampler_binding == 0);
+    int buffer;
     char *out;
     conemap__piece_set(e, "FRUSTA_NAME", 1,
                        d->fetch_frusta ? d->fetch_frusta
@@ -14855,19 +14945,34 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
                        : f[conemap__flag_linear_v] ? ", by equal steps with v linear"
                                                    : ", by equal steps");
     conemap__piece_set(e, "REAL", 0,
-                       f[conemap__flag_c] ? "conemap_real" : hlsl ? "asfloat" : "intBitsToFloat");
-    conemap__piece_set(e, "ROW", 0,
-                       d->fetch_frusta                ? "$FETCH_FRUSTA_NAME(frustum, row)"
-                       : f[conemap__flag_from_block]  ? "$FRUSTA_NAME[9 * frustum + row]"
-                       : f[conemap__flag_from_texels] ? (hlsl ? "$FRUSTA_NAME.Load(9 * frustum + row)"
-                                                              : "texelFetch($FRUSTA_NAME, 9 * frustum + row)")
-                           : "texelFetch($FRUSTA_NAME, ivec2(9 * (frustum % across) + row, frustum / across), 0)");
+                       f[conemap__flag_c]      ? "conemap_real"
+                       : hlsl                  ? "asfloat"
+                       : f[conemap__flag_wgsl] ? "bitcast<float>"
+                       : f[conemap__flag_msl]  ? "as_type<float>"
+                                               : "intBitsToFloat");
+    conemap__piece_set(e, "FRUSTA_WIDTH", 0,
+                       f[conemap__flag_wgsl]  ? "int(textureDimensions($FRUSTA_NAME).x)"
+                       : f[conemap__flag_msl] ? "int($FRUSTA_NAME.get_width())"
+                                              : "textureSize($FRUSTA_NAME, 0).x");
+    if (f[conemap__flag_from_texture])
+        conemap__read_texel(e, conemap__piece_new(e, "ROW", 0), "$FRUSTA_NAME", "9 * (frustum % across) + row",
+                            "frustum / across", NULL, "0", "");
+    else
+        conemap__piece_set(e, "ROW", 0,
+                           d->fetch_frusta               ? "$FETCH_FRUSTA_NAME(frustum, row)"
+                           : f[conemap__flag_from_block] ? "$FRUSTA_NAME[9 * frustum + row]"
+                           : hlsl                        ? "$FRUSTA_NAME.Load(9 * frustum + row)"
+                                                         : "texelFetch($FRUSTA_NAME, 9 * frustum + row)");
     conemap__append_int(conemap__piece_new(e, "ROWS", 0), size, 9 * d->uniform_count);
     conemap__piece_set(e, "HIGHP", 1, f[conemap__flag_es] ? "highp " : "");
     out = conemap__piece_new(e, "CORNERS", 0);
-    conemap__append(out, size, f[conemap__flag_c] || hlsl ? "static const int corners[36] = {" : "const int corners[36] = int[36](");
+    conemap__append(out, size,
+                    f[conemap__flag_c] || hlsl ? "static const int corners[36] = {"
+                    : f[conemap__flag_msl]     ? "const int corners[36] = {"
+                    : f[conemap__flag_wgsl]    ? "var corners = array<int, 36>("
+                                               : "const int corners[36] = int[36](");
     conemap__append(out, size, corners);
-    conemap__append(out, size, f[conemap__flag_c] || hlsl ? "}" : ")");
+    conemap__append(out, size, f[conemap__flag_c] || hlsl || f[conemap__flag_msl] ? "}" : ")");
     conemap__piece_set(e, "RELIEF_TYPE", 0, f[conemap__flag_cones] ? "vec2" : "float");
     conemap__piece_set(e, "DOT_RELIEF", 0, f[conemap__flag_cones] ? ".x" : "");
     conemap__piece_set(e, "DOT_HEIGHT", 0, f[conemap__flag_cones] ? ".x" : "");
@@ -14881,17 +14986,18 @@ static void conemap__frusta_pieces(conemap__emitter *e, const conemap_frusta_sha
         conemap__append_float(out, size, e->desc.map.aspect);
     }
     conemap__piece_set(e, "INSTANCE", 0,
-                       hlsl                      ? "int(instance)"
+                       f[conemap__flag_returns]  ? "int(instance)"
                        : f[conemap__flag_vulkan] ? "gl_InstanceIndex"
                                                  : "gl_InstanceID");
     conemap__piece_set(e, "NUMBER", 0,
-                       hlsl                      ? "int(number)"
+                       f[conemap__flag_returns]  ? "int(number)"
                        : f[conemap__flag_vulkan] ? "gl_VertexIndex"
                                                  : "gl_VertexID");
-    /* The map's textures come first; constant buffers of HLSL count by themselves. */
+    /* The map's textures come first; constant buffers of HLSL and all of MSL count by themselves. */
+    buffer = hlsl ? uniforms : f[conemap__flag_msl] && f[conemap__flag_from_block];
     conemap__place_resource(e, "FRUSTA_LAYOUT", f[conemap__flag_from_block] && !(hlsl && !uniforms) ? 'b' : 't',
-                            e->desc.binding + (hlsl && uniforms ? 0 : after));
-    conemap__place_resource(e, "CAMERA_LAYOUT", 'b', e->desc.binding + uniforms);
+                            e->desc.binding + (buffer ? 0 : after));
+    conemap__place_resource(e, "CAMERA_LAYOUT", 'b', e->desc.binding + (f[conemap__flag_wgsl] ? after + 1 : buffer));
     conemap__frusta_effect_pieces(e, e->desc.binding + after + 1, e->desc.binding + uniforms + 1);
 }
 
@@ -14918,9 +15024,12 @@ static conemap_result conemap__emit_frusta_once(const conemap_frusta_shader_desc
     for (k = 0; k < 4 && d.stage == CONEMAP_FRUSTA_FUNCTIONS; ++k)
         if (k == 3 || (k == 1) == (d.any_hit != 0)) conemap__snippet_named(&e, functions[k], strlen(functions[k]));
     if (e.flags[conemap__flag_colors]) conemap__snippet_named(&e, "conemap_color", 13);
-    for (k = 0; k < 2 && d.stage != CONEMAP_FRUSTA_FUNCTIONS; ++k)
-        conemap__lines(&e, d.stage == CONEMAP_FRUSTA_VERTEX ? conemap__frusta_vertex : conemap__frusta_fragment,
-                       1 - k);
+    for (k = 0; k < 2; ++k) {
+        if (d.stage == CONEMAP_FRUSTA_VERTEX) conemap__lines(&e, conemap__frusta_vertex, 1 - k);
+        if (d.stage == CONEMAP_FRUSTA_FRAGMENT) conemap__lines(&e, conemap__frusta_targets, 1 - k);
+        if (d.stage == CONEMAP_FRUSTA_FRAGMENT) conemap__lines(&e, conemap__frusta_fragment, 1 - k);
+    }
+    if (d.stage == CONEMAP_FRUSTA_FUNCTIONS) conemap__lines(&e, conemap__functions_end, 0);
     if (e.clash) return CONEMAP_ERROR_PARAMETER;
     *size = e.size + 1;
     if (text && e.size < capacity) text[e.size] = 0;
@@ -16718,6 +16827,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__SIGHT_REACH
 #undef CONEMAP__SIGHTS
 #undef CONEMAP__GIVEN
+#undef CONEMAP__ITEM_SIZE
 #undef CONEMAP__FINEST
 #undef CONEMAP__WIDE
 #undef CONEMAP__NOTED

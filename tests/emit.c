@@ -266,6 +266,12 @@ static void golden_table(void)
     d->dialect = CONEMAP_HLSL_50;
     d->map.wrap_u = CONEMAP_WRAP;
     d->array = 1;
+    d = golden_new("exact.wgsl", NULL, CONEMAP_TRACE_EXACT, NULL);
+    d->dialect = CONEMAP_WGSL;
+    d->stage = CONEMAP_STAGE_FRAGMENT;
+    d = golden_new("qdm.metal", NULL, CONEMAP_TRACE_QDM, NULL);
+    d->dialect = CONEMAP_MSL;
+    d->stage = CONEMAP_STAGE_COMPUTE;
     for (k = 0; k < 12; ++k) {
         static const struct {
             const char *file, *prefix;
@@ -625,6 +631,15 @@ static void bad_kernels(void)
     d.map.texture.format = CONEMAP_UNORM16;
     CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
           "16-bit images in ES");
+    d.dialect = CONEMAP_WGSL;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
+          "16-bit images in WGSL");
+    d.map.texture.layout = CONEMAP_HEIGHT_CONE;
+    d.map.texture.format = CONEMAP_F16;
+    CHECK(conemap_emit_kernel(&d, CONEMAP_KERNEL_STORE, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED,
+          "two channels of 16 bits in WGSL");
+    d.dialect = CONEMAP_ESSL_310;
+    d.map.texture.layout = CONEMAP_DUMMER;
     d.map.texture.format = CONEMAP_F32;
     d.stage = CONEMAP_STAGE_FUNCTIONS;
     d.fetch = "heights_of_mine";
@@ -678,7 +693,9 @@ static void bad_input(void)
         {24, CONEMAP_ERROR_UNSUPPORTED}, {25, CONEMAP_ERROR_PARAMETER},   {26, CONEMAP_ERROR_PARAMETER},
         {27, CONEMAP_ERROR_PARAMETER},   {28, CONEMAP_ERROR_PARAMETER},   {29, CONEMAP_ERROR_PARAMETER},
         {30, CONEMAP_ERROR_PARAMETER},   {31, CONEMAP_ERROR_PARAMETER},   {32, CONEMAP_ERROR_PARAMETER},
-        {33, CONEMAP_ERROR_UNSUPPORTED},
+        {33, CONEMAP_ERROR_UNSUPPORTED}, {34, CONEMAP_ERROR_PARAMETER},   {35, CONEMAP_ERROR_PARAMETER},
+        {36, CONEMAP_ERROR_UNSUPPORTED}, {37, CONEMAP_ERROR_UNSUPPORTED}, {38, CONEMAP_ERROR_UNSUPPORTED},
+        {39, CONEMAP_ERROR_UNSUPPORTED},
     };
     static const char long_name[] =
         "abcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyzabcdefghijklmnopqrstuvwxyz";
@@ -727,6 +744,17 @@ static void bad_input(void)
         case 30: d.map.texture.sectors = 2; break;
         case 31: d.fetch_cones = "a b"; break;
         case 32: d.octants_name = d.heights_name = "one"; break;
+        case 34: d.dialect = CONEMAP_WGSL, d.map_name = "select"; break; /* words of the translation */
+        case 35: d.dialect = CONEMAP_WGSL, d.map_name = "let"; break;
+        case 36: d.dialect = CONEMAP_MSL, d.stage = CONEMAP_STAGE_FRAGMENT, d.fetch = "given"; break;
+        case 37: d.dialect = CONEMAP_MSL, d.set = 1; break;
+        case 38: /* WGSL promises nothing of depth */
+            d.dialect = CONEMAP_WGSL;
+            d.stage = CONEMAP_STAGE_FRAGMENT;
+            d.flags = CONEMAP_EFFECT_DEPTH;
+            d.depth_bound = CONEMAP_DEPTH_GREATER;
+            break;
+        case 39: d.dialect = CONEMAP_WGSL, d.precision = CONEMAP_MEDIUMP; break;
         default: d.map.texture.sectors = 8, d.map.texture.layout = CONEMAP_DUMMER; break;
         }
         result = conemap_emit(&d, text, sizeof text, &size);
@@ -743,12 +771,13 @@ static void bad_input(void)
     }
 }
 
-static void sizes_and_truncation(void)
+static void cut_short(conemap_dialect dialect)
 {
     conemap_shader_desc d;
     size_t size = 0, again = 0, capacity;
     char *whole;
     memset(&d, 0, sizeof d);
+    d.dialect = dialect;
     CHECK(conemap_emit(&d, NULL, 0, &size) == CONEMAP_OK, "size");
     whole = emit(&d);
     if (!whole) return;
@@ -768,6 +797,44 @@ static void sizes_and_truncation(void)
         test_release(text);
     }
     test_release(whole);
+}
+
+static void sizes_and_truncation(void)
+{
+    cut_short(CONEMAP_GLSL_330);
+    cut_short(CONEMAP_WGSL);
+    cut_short(CONEMAP_MSL);
+}
+
+/* Names as long as they may be, with everything on: what WGSL collects has room for all. */
+static void long_names(void)
+{
+    static char names[8][64];
+    int k;
+    for (k = 0; k < 8; ++k) {
+        memset(names[k], 'a' + k, 63);
+        names[k][63] = 0;
+    }
+    for (k = 0; k < 4; ++k) {
+        conemap_shader_desc d;
+        memset(&d, 0, sizeof d);
+        d.dialect = k & 1 ? CONEMAP_WGSL : CONEMAP_MSL;
+        d.stage = CONEMAP_STAGE_FRAGMENT;
+        d.prefix = names[0];
+        d.map_name = names[1];
+        d.heights_name = names[2];
+        d.map.texture.layout = CONEMAP_CONE_ONLY;
+        d.array = d.t_range = 1;
+        if (k & 2) {
+            d.flags = CONEMAP_EFFECT_ALL_BITS & ~(unsigned)(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW |
+                                                             CONEMAP_EFFECT_OCCLUSION);
+        } else {
+            d.map.texture.sectors = 8;
+            d.octants_name = names[3];
+            d.status = d.steps = d.run_time_cap = 1;
+        }
+        test_release(emit(&d));
+    }
 }
 
 /* ---- the text itself ---- */
@@ -806,7 +873,8 @@ static void check_text(const char *what, char *text, int functions)
     static const char *const types[] = {"float",        "int",   "bool",        "vec2",      "vec3",
                                         "vec4",         "ivec2", "ivec4",       "float2",    "float3",
                                         "float4",       "int2",  "int4",        "sampler2D", "sampler2DArray",
-                                        "SamplerState", "uint",  "conemap_hit", "Texture2D"};
+                                        "SamplerState", "uint",  "conemap_hit", "Texture2D",
+                                        "let",          "var",   "sampler",     "texture2d<float>"};
     int depth = 0, round = 0, k;
     const char *at;
     strip(text);
@@ -817,6 +885,7 @@ static void check_text(const char *what, char *text, int functions)
             CHECK(round > 0 || spaces == 4 * (depth - (at[1 + spaces] == '}')) || at[1 + spaces] == 'v',
                   "%s: indented by %d at depth %d: %.40s", what, spaces, depth, at + 1);
         }
+        if (*at == '?') CHECK(!strstr(text, "fn "), "%s: a ? in WGSL", what);
         if (*at == '$' || *at == '?')
             CHECK(*at == '?' && at[-1] == ' ' && at[1] == ' ', "%s: a %c is left: %.30s", what, *at, at);
         depth += (*at == '{') - (*at == '}');
@@ -835,7 +904,7 @@ static void check_text(const char *what, char *text, int functions)
             if (end == name || end - name >= 80) continue;
             memcpy(word, name, (size_t)(end - name));
             word[end - name] = 0;
-            if (strcmp(word, "main") == 0 ||
+            if (strcmp(word, "main") == 0 || strcmp(word, "conemap_main") == 0 ||
                 (functions && (strcmp(word, "conemap_trace") == 0 || strcmp(word, "conemap_any_hit") == 0)))
                 continue;
             /* fields of the answer are for the host */
@@ -850,7 +919,7 @@ static void check_text(const char *what, char *text, int functions)
 static void texts(void)
 {
     int dialect, stage, tracer, refinement, option, count = 0;
-    for (dialect = 0; dialect < CONEMAP_C99; ++dialect)
+    for (dialect = 0; dialect < CONEMAP_DIALECT_COUNT; ++dialect)
         for (stage = 0; stage < CONEMAP_STAGE_COUNT; ++stage)
             for (tracer = 1; tracer < CONEMAP_TRACER_COUNT; ++tracer)
                 for (refinement = 0; refinement < CONEMAP_REFINEMENT_COUNT; ++refinement)
@@ -966,6 +1035,7 @@ const struct test_case emit_tests[] = {
     {"bad kernels", bad_kernels},
     {"bad input", bad_input},
     {"sizes and truncation", sizes_and_truncation},
+    {"long names", long_names},
     {"texts", texts},
     {"length", length},
     {"numbers", numbers},

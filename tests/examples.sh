@@ -43,6 +43,8 @@ works build/emit --kernel quick --generator quick-center --dialect glsl430 --sta
 grep -q conemap_quick "$dir/stdout" || say "emit prints no kernel"
 refuses build/emit --kernel relaxed
 works build/emit --effects shadow,depth,uv --stage fragment --dialect vulkan --depth-bound greater
+works build/emit --dialect wgsl --tracer maxmip --stage compute --status 1
+works build/emit --dialect msl --effects shadow,normal --stage fragment
 grep -q conemap_shade "$dir/stdout" || say "emit prints no effects"
 refuses build/emit --effects sparkle
 refuses build/emit --dialect cobol

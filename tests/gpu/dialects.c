@@ -1,7 +1,7 @@
 /* Emitted WGSL and MSL, run and compared with the CPU.
      WGSL: `write FOLDER` writes texts and inputs, wgsl.mjs runs them, `compare FOLDER` reads the answers.
-     MSL:  `texts FOLDER` writes texts and calls.h; compiled with these as C++ (-DCALLS='"calls.h"', and tests/gpu/metal_stdlib
-           in Metal's place) this same program runs them itself: `run`. */
+     MSL:  `texts FOLDER` writes texts and calls.h; compiled with these as C++ (-DCALLS='"calls.h"', and
+           tests/gpu/metal_stdlib in Metal's place) this same program runs them itself: `run`. */
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,6 +24,10 @@ struct inputs { /* images: map, octants, heights, maxima, alpha */
     int width, height;
 };
 
+struct grid { /* what kernels read and write */
+    struct image heights, states[2], maxima, out;
+};
+
 #ifdef CALLS
 #include <metal_stdlib>
 using namespace metal;
@@ -37,7 +41,23 @@ template <class T> static T as_texture(const struct image *image)
     texture.slices = (uint)image->slices;
     return texture;
 }
+/* Where a pass writes. */
+static texture2d<float, access::write> target(struct grid *g, const conemap_gpu_pass *pass)
+{
+    struct image *image = pass->writes == 2 ? &g->out : pass->writes == 3 ? &g->maxima : &g->states[pass->writes];
+    texture2d<float, access::write> texture = as_texture<texture2d<float, access::write>>(image);
+    for (int k = 0; pass->writes == 3 && k < pass->level; ++k) {
+        texture.texels += texture.width * texture.height;
+        texture.width /= 2;
+        texture.height /= 2;
+    }
+    return texture;
+}
 #include CALLS
+#undef kernel /* words of Metal, which mean nothing from here on */
+#undef fragment
+#undef vertex
+#undef thread
 #endif
 
 struct item {
@@ -148,8 +168,8 @@ static struct image image_new(const conemap_shader_desc *d, int width, int heigh
 }
 
 /* Puts values of a few channels into a level. */
-static void image_fill(const conemap_shader_desc *d, struct image *image, int level, int width, int height, int channels,
-                       const float *values)
+static void image_fill(const conemap_shader_desc *d, struct image *image, int level, int width, int height,
+                       int channels, const float *values)
 {
     float *from = image->texels;
     int i, j, k;
@@ -197,7 +217,8 @@ static void prepare(const conemap_shader_desc *d, const conemap_map *map, const 
 /* Which of the images a shader has. */
 static int has_image(const conemap_shader_desc *d, int k)
 {
-    const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP, cones = !blocks && d->trace.tracer != CONEMAP_TRACE_LINEAR;
+    const int blocks = d->trace.tracer >= CONEMAP_TRACE_MAXMIP;
+    const int cones = !blocks && d->trace.tracer != CONEMAP_TRACE_LINEAR;
     const int apart = d->map.texture.layout == CONEMAP_CONE_ONLY || d->map.texture.sectors > 1;
     return k == 0   ? cones || !apart
            : k == 1 ? cones && d->map.texture.sectors == 8
@@ -238,7 +259,8 @@ static void write_bindings(const char *folder, int number, const conemap_shader_
     FILE *file = create(folder, number, ".json");
     const int compute = d->stage == CONEMAP_STAGE_COMPUTE;
     int binding = d->binding, k;
-    fprintf(file, "{\"compute\": %d, \"entry\": \"%s_main\", \"images\": [", compute, d->prefix ? d->prefix : "conemap");
+    fprintf(file, "{\"compute\": %d, \"entry\": \"%s_main\", \"images\": [", compute,
+            d->prefix ? d->prefix : "conemap");
     for (k = 0; k < 4; ++k) fprintf(file, "%s%d", k ? ", " : "", has_image(d, k) ? binding++ : -1);
     fprintf(file, "], \"array\": %d, \"sampler\": %d, ", d->array, d->filter != CONEMAP_FILTER_FETCH ? binding++ : -1);
     fprintf(file, "\"wrap\": [%d, %d], \"rays\": %d, \"given\": %d, ", d->map.wrap_u == CONEMAP_WRAP,
@@ -249,7 +271,8 @@ static void write_bindings(const char *folder, int number, const conemap_shader_
 }
 
 /* And the data: the arguments, the textures, the rays. */
-static void write_inputs(const char *folder, int number, int kind, const conemap_shader_desc *d, const struct inputs *in)
+static void write_inputs(const char *folder, int number, int kind, const conemap_shader_desc *d,
+                         const struct inputs *in)
 {
     char ending[32];
     FILE *file;
@@ -331,8 +354,8 @@ static int read_answers(const char *folder, int number, int kind, float *answers
     return got == size;
 }
 
-static void compare(const struct item *item, const conemap_map *map, const struct truth_map *truth, const conemap_ray *rays,
-                    const float *answers, struct compare_counts *counts)
+static void compare(const struct item *item, const conemap_map *map, const struct truth_map *truth,
+                    const conemap_ray *rays, const float *answers, struct compare_counts *counts)
 {
     const conemap_shader_desc *d = &item->desc;
     const int wide = d->steps || d->status ? 8 : 4;
@@ -353,6 +376,221 @@ static void compare(const struct item *item, const conemap_map *map, const struc
             counts->different += hit.found != (cpu.status == CONEMAP_HIT);
         } else {
             compare_hit(map, truth, &d->trace, &rays[k], &hit, counts);
+        }
+    }
+}
+
+/* ---- kernels: whole maps are made, pass by pass ---- */
+
+enum { WIDE = 40, HIGH = 28, SIDE = 64, LEVELS = 7, MADE = 6, MOST_PASSES = 64 };
+static const struct making {
+    const char *name;
+    conemap_generator generator;
+    conemap_guarantee guarantee;
+    conemap_layout layout;
+    conemap_wrap wrap_u;
+    int min3x3;
+} makings[MADE] = {
+    {"ring search", CONEMAP_RING, CONEMAP_GUARANTEE_VERTEX, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP, 0},
+    {"ring search, 3x3, wrap", CONEMAP_RING, CONEMAP_GUARANTEE_VERTEX, CONEMAP_CONE_ONLY, CONEMAP_WRAP, 1},
+    {"exact, wrap", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, CONEMAP_HEIGHT_CONE, CONEMAP_WRAP, 0},
+    {"exact, with slopes", CONEMAP_EXACT, CONEMAP_GUARANTEE_VERTEX, CONEMAP_DUMMER, CONEMAP_CLAMP, 0},
+    {"exact, made safe", CONEMAP_EXACT, CONEMAP_GUARANTEE_BILINEAR, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP, 0},
+    {"quick", CONEMAP_QUICK, CONEMAP_GUARANTEE_VERTEX, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP, 0}};
+
+static void fill_making(conemap_shader_desc *d, const struct making *m, conemap_dialect dialect)
+{
+    memset(d, 0, sizeof *d);
+    d->dialect = dialect;
+    d->stage = CONEMAP_STAGE_COMPUTE;
+    d->map.wrap_u = m->wrap_u;
+    d->map.aspect = 0.6f;
+    d->map.min3x3 = m->min3x3;
+    d->map.guarantee = m->guarantee;
+    d->map.generator = m->generator;
+    d->map.width = WIDE;
+    d->map.height = HIGH;
+    d->map.texture.layout = m->layout;
+}
+
+/* Which textures a kernel reads, as bits: the state, the heights, the maxima. */
+static int kernel_reads(const struct making *m, int kernel)
+{
+    switch (kernel) {
+    case CONEMAP_KERNEL_RING:
+    case CONEMAP_KERNEL_SAFE: return 1 + 2;
+    case CONEMAP_KERNEL_MIN3X3: return 1;
+    case CONEMAP_KERNEL_STORE: return m->layout == CONEMAP_CONE_ONLY ? 1 : 1 + 2;
+    case CONEMAP_KERNEL_MAXIMA: return 4;
+    case CONEMAP_KERNEL_QUICK: return 2 + 4;
+    case CONEMAP_KERNEL_EXACT: return 1 + 2 + 4;
+    default: return 2;
+    }
+}
+
+/* The texts of a making that its passes need, numbered from 100 on, and how they are called. */
+static void write_making(const char *folder, int n, const conemap_shader_desc *d, const conemap_gpu_pass *passes,
+                         int count, FILE *calls)
+{
+    const struct making *m = &makings[n];
+    FILE *file = calls ? NULL : create(folder, 100 * (n + 1), ".json");
+    int kernel, pass, k, done = 0;
+    for (kernel = 0; kernel < CONEMAP_KERNEL_COUNT; ++kernel) {
+        const int number = 100 * (n + 1) + kernel, reads = kernel_reads(m, kernel);
+        static const char *const names[3] = {"states[pass->reads]", "heights", "maxima"};
+        FILE *out = create(folder, number, calls ? ".metal" : ".wgsl.text");
+        if (conemap_emit_kernel(d, (conemap_kernel)kernel, text, sizeof text, NULL) != CONEMAP_OK)
+            wrong("%s: kernel %d", m->name, kernel);
+        fputs(text, out);
+        fclose(out);
+        if (!calls) continue;
+        fprintf(calls, "namespace item%d {\n#include \"%d.metal\"\n", number, number);
+        fprintf(calls, "static void call(struct grid *g, const conemap_gpu_pass *pass) {\n");
+        if (kernel == CONEMAP_KERNEL_RING || kernel == CONEMAP_KERNEL_EXACT || kernel == CONEMAP_KERNEL_MAXIMA)
+            fprintf(calls, "    conemap_shader::conemap_arguments given;\n");
+        if (kernel == CONEMAP_KERNEL_RING || kernel == CONEMAP_KERNEL_EXACT)
+            fprintf(calls, "    given.conemap_first = pass->first;\n    given.conemap_last = pass->last;\n");
+        if (kernel == CONEMAP_KERNEL_EXACT || kernel == CONEMAP_KERNEL_MAXIMA)
+            fprintf(calls, "    given.conemap_level = pass->level;\n");
+        fprintf(calls, "    texture2d<float, access::write> out = target(g, pass);\n"
+                       "    for (int j = 0; j < 8 * pass->groups_y; ++j)\n"
+                       "        for (int i = 0; i < 8 * pass->groups_x; ++i)\n            conemap_main(");
+        for (k = 0; k < 3; ++k)
+            if (reads >> k & 1) fprintf(calls, "as_texture<texture2d<float>>(&g->%s), ", names[k]);
+        if (kernel == CONEMAP_KERNEL_RING || kernel == CONEMAP_KERNEL_EXACT || kernel == CONEMAP_KERNEL_MAXIMA)
+            fprintf(calls, "given, ");
+        fprintf(calls, "out, uint2(i, j));\n}\n}\n");
+    }
+    if (calls) return;
+    fprintf(file, "{\"width\": %d, \"height\": %d, \"side\": %d, \"levels\": %d, ", WIDE, HIGH, SIDE, LEVELS);
+    fprintf(file, "\"format\": \"%s\", \"passes\": [",
+            m->layout == CONEMAP_CONE_ONLY ? "r32float"
+            : m->layout == CONEMAP_DUMMER  ? "rgba32float"
+                                           : "rg32float");
+    for (pass = 0; pass < count; ++pass) {
+        const conemap_gpu_pass *now = &passes[pass];
+        const int levels = now->kernel == CONEMAP_KERNEL_MAXIMA;
+        fprintf(file, "%s\n{\"text\": \"%d.wgsl.text\", \"given\": [%d, %d, %d], \"argued\": %d, ", done++ ? "," : "",
+                100 * (n + 1) + (int)now->kernel, levels ? now->level : now->first, now->last, now->level,
+                levels || now->kernel == CONEMAP_KERNEL_RING || now->kernel == CONEMAP_KERNEL_EXACT);
+        fprintf(file, "\"own\": %d, \"level\": %d, \"bits\": %d, \"reads\": %d, \"writes\": %d, \"groups\": [%d, %d]}",
+                levels, now->level, kernel_reads(m, (int)now->kernel), now->reads, now->writes, now->groups_x,
+                now->groups_y);
+    }
+    fprintf(file, "]}\n");
+    fclose(file);
+}
+
+static void clear_grid(struct grid *g, const float *heights)
+{
+    conemap_shader_desc plain;
+    memset(&plain, 0, sizeof plain);
+    g->heights = image_new(&plain, WIDE, HIGH, 1);
+    g->states[0] = image_new(&plain, WIDE, HIGH, 1);
+    g->states[1] = image_new(&plain, WIDE, HIGH, 1);
+    g->maxima = image_new(&plain, SIDE, SIDE, LEVELS);
+    g->out = image_new(&plain, WIDE, HIGH, 1);
+    image_fill(&plain, &g->heights, 0, WIDE, HIGH, 1, heights);
+}
+
+static void free_grid(struct grid *g)
+{
+    free(g->heights.texels);
+    free(g->states[0].texels);
+    free(g->states[1].texels);
+    free(g->maxima.texels);
+    free(g->out.texels);
+}
+
+static long cones_made;
+
+/* Of four floats a texel, as the texture's channels. */
+static void judge_making(const struct making *m, const conemap_map *map, const float *heights, const float *made,
+                         int channels)
+{
+    static float cones[WIDE * HIGH], right[WIDE * HIGH * 4];
+    const int safe = m->guarantee == CONEMAP_GUARANTEE_BILINEAR, at = m->layout == CONEMAP_CONE_ONLY ? 0 : 1;
+    int k, wide = 0, narrow = 0, other = 0;
+    if (m->layout == CONEMAP_DUMMER) conemap_write_texture(map, right, sizeof right, 0);
+    for (k = 0; k < WIDE * HIGH; ++k) {
+        const float *texel = made + channels * k;
+        cones[k] = texel[at];
+        wide += !(cones[k] <= map->cones[k]);
+        narrow += !safe && !(cones[k] >= map->cones[k] * (1.0f - 1e-5f));
+        other += at && !(texel[0] <= heights[k] && texel[0] >= heights[k]);
+        if (m->layout == CONEMAP_DUMMER)
+            other += !(fabsf(texel[2] - right[4 * k + 2]) <= 1e-7f && fabsf(texel[3] - right[4 * k + 3]) <= 1e-7f);
+    }
+    cones_made += WIDE * HIGH;
+    if (safe) {
+        conemap_report report;
+        if (conemap_verify(&map->info, heights, cones, NULL, &report) != CONEMAP_OK || report.unsafe || report.unproven)
+            wrong("%s: %d cells are not safe", m->name, (int)(report.unsafe + report.unproven));
+        wide = 0; /* the CPU's are others */
+    }
+    if (wide || narrow || other)
+        wrong("%s: %d cones wider, %d narrower, %d heights or slopes", m->name, wide, narrow, other);
+}
+
+static int read_answers(const char *folder, int number, int kind, float *answers, size_t size);
+
+static void kernels(const char *folder, conemap_dialect dialect, int writes, FILE *calls, int runs)
+{
+    static float heights[WIDE * HIGH], made[WIDE * HIGH * 4];
+    int n, kind, pass;
+    for (n = 0; n < MADE; ++n) {
+        const struct making *m = &makings[n];
+        const int channels = m->layout == CONEMAP_CONE_ONLY ? 1 : m->layout == CONEMAP_DUMMER ? 4 : 2;
+        conemap_shader_desc d;
+        conemap_gpu_pass passes[MOST_PASSES];
+        int count = 0;
+        fill_making(&d, m, dialect);
+        if (conemap_gpu_passes(&d, 900, passes, MOST_PASSES, &count) != CONEMAP_OK) wrong("%s: no passes", m->name);
+        if (writes || calls) write_making(folder, n, &d, passes, count, calls);
+        for (kind = 0; kind < ZOO_KINDS && !calls; ++kind) {
+            conemap_desc build;
+            conemap_map map;
+            zoo_fill(kind, WIDE, HIGH, 3, heights);
+            if (writes) {
+                char ending[32];
+                FILE *file;
+                snprintf(ending, sizeof ending, "_%d.in", kind);
+                file = create(folder, 100 * (n + 1), ending);
+                fwrite(heights, sizeof heights, 1, file);
+                fclose(file);
+                continue;
+            }
+            memset(&build, 0, sizeof build);
+            build.heights.pixels = heights;
+            build.heights.width = WIDE;
+            build.heights.height = HIGH;
+            build.wrap_u = m->wrap_u;
+            build.aspect = 0.6f;
+            build.min3x3 = m->min3x3;
+            build.generator = m->generator;
+            build.guarantee = m->generator == CONEMAP_EXACT ? m->guarantee : CONEMAP_GUARANTEE_DEFAULT;
+            build.texture = d.map.texture;
+            if (conemap_build(&build, &map) != CONEMAP_OK) {
+                wrong("%s: build", m->name);
+                continue;
+            }
+            if (runs) {
+                struct grid g;
+                int k, c;
+                clear_grid(&g, heights);
+#ifdef CALLS
+                for (pass = 0; pass < count; ++pass) kernel_calls[n][passes[pass].kernel](&g, &passes[pass]);
+#else
+                (void)pass;
+#endif
+                for (k = 0; k < WIDE * HIGH; ++k)
+                    for (c = 0; c < channels; ++c) made[channels * k + c] = g.out.texels[4 * k + c];
+                free_grid(&g);
+            } else if (!read_answers(folder, 100 * (n + 1), kind, made, WIDE * HIGH * 4 * (size_t)channels)) {
+                wrong("%s: no answers", m->name);
+            }
+            judge_making(m, &map, heights, made, channels);
+            conemap_free(&map);
         }
     }
 }
@@ -447,8 +685,8 @@ int main(int argument_count, char **arguments)
         different_done += counts.different;
         printf("%s %-38s %6d rays, %6d hits, %3d differ, %2d not on an edge, misses: %d by 2^-20, %d beyond single "
                "precision\n",
-               dialect, item->name, counts.rays, counts.hits, counts.different, counts.unexplained, counts.strict_misses,
-               counts.misses);
+               dialect, item->name, counts.rays, counts.hits, counts.different, counts.unexplained,
+               counts.strict_misses, counts.misses);
         if (counts.hits < counts.rays / 5) wrong("%s: too few hits", item->name);
         if (item->desc.filter == CONEMAP_FILTER_HARDWARE) {
             if (counts.different * 50 > counts.rays) wrong("%s: %d rays differ", item->name, counts.different);
@@ -458,7 +696,15 @@ int main(int argument_count, char **arguments)
         if (counts.unexplained) wrong("%s: %d rays differ and lie on no edge", item->name, counts.unexplained);
         if (counts.misses) wrong("%s: %d misses", item->name, counts.misses);
     }
+    kernels(folder, texts || runs ? CONEMAP_MSL : CONEMAP_WGSL, writes, calls, runs);
     if (texts) {
+        fprintf(calls, "static void (*const kernel_calls[][%d])(struct grid *, const conemap_gpu_pass *) = {",
+                (int)CONEMAP_KERNEL_COUNT);
+        for (n = 0; n < MADE; ++n)
+            for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k)
+                fprintf(calls, "%sitem%d::call%s", k ? ", " : n ? ", {" : "{", 100 * (n + 1) + k,
+                        k + 1 == CONEMAP_KERNEL_COUNT ? "}" : "");
+        fprintf(calls, "};\n");
         fprintf(calls, "static void (*const item_calls[])(const struct inputs *, float *) = {");
         for (n = 0; n < item_count; ++n) fprintf(calls, "%sitem%d::call", n ? ", " : "", n);
         fprintf(calls, "};\n");
@@ -467,6 +713,7 @@ int main(int argument_count, char **arguments)
 #ifdef CALLS
     if (faults) wrong("%ld reads beyond a texture", faults);
 #endif
-    if (!writes && !texts) printf("%s run: %ld rays, %ld differ\n", dialect, rays_done, different_done);
+    if (!writes && !texts)
+        printf("%s run: %ld rays, %ld differ; %ld cones by kernels\n", dialect, rays_done, different_done, cones_made);
     return failures != 0;
 }

@@ -74,6 +74,60 @@ static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const i
     if (!d->relief) d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION);
 }
 
+/* The same in WGSL and MSL, where a host that fetches has a struct around all. */
+static void wrap_new(const conemap_frusta_shader_desc *d)
+{
+    const int wgsl = d->dialect == CONEMAP_WGSL, cones = strstr(text, "by cone steps") != NULL;
+    const int own = !wgsl && (d->fetch_frusta || (d->relief && d->fetch));
+    const int functions = d->stage == CONEMAP_FRUSTA_FUNCTIONS;
+    const char *p = d->prefix ? d->prefix : "conemap";
+    const char *three = wgsl ? "vec3f" : "float3", *four = wgsl ? "vec4f" : "float4";
+    char *at = whole, call[600];
+    if (own)
+        at += sprintf(at,
+                      "#include <metal_stdlib>\nusing namespace metal;\nstruct host {\n    texture2d<float> %s, %s;\n"
+                      "    sampler %s;\n    %s%s;\n",
+                      d->prefix ? "bark" : "conemap_map", d->prefix ? "soil" : "conemap_heights",
+                      d->prefix ? "nearest_texel" : "conemap_sampler",
+                      d->source == CONEMAP_FRUSTA_TEXTURE    ? "texture2d<int> "
+                      : d->source == CONEMAP_FRUSTA_UNIFORMS ? "constant int4 *"
+                                                             : "device const int4 *",
+                      d->prefix ? "limbs" : "conemap_frusta");
+    at += sprintf(at, "%s", text);
+    if (d->fetch && d->relief)
+        at += wgsl ? sprintf(at, "fn host_fetch(i: i32, j: i32) -> %s {\n    return %s(0.01 * f32(i + j));\n}\n",
+                             cones ? "vec2f" : "f32", cones ? "vec2f" : "f32")
+                   : sprintf(at, "%s host_fetch(int i, int j) {\n    return %s(0.01f * float(i + j));\n}\n",
+                             cones ? "float2" : "float", cones ? "float2" : "float");
+    if (d->fetch_frusta)
+        at += sprintf(at,
+                      wgsl ? "fn host_rows(frustum: i32, row: i32) -> vec4i {\n"
+                             "    return vec4i(frustum, row, 1, 2);\n}\n"
+                           : "int4 host_rows(int frustum, int row) {\n    return int4(frustum, row, 1, 2);\n}\n");
+    if (d->shade)
+        at += wgsl ? sprintf(at,
+                             "fn host_shade(hit: %s_frustum_hit) -> vec4f {\n    return vec4f(hit.normal, 1.0);\n}\n",
+                             p)
+                   : sprintf(at,
+                             "inline float4 %s_shader::host_shade(%s_frustum_hit hit) {\n"
+                             "    return float4(hit.normal, 1.0f);\n}\n", p, p);
+    if (!functions) return;
+    sprintf(call, "%s%s_%s_frusta(0, 5, place, %s%s_bounds(2, 7), 0.0, 9.0)%s", wgsl || own ? "" : "shader.", p,
+            d->any_hit ? "any" : "trace", wgsl || own ? "" : "shader.", p, d->any_hit ? "" : ".found");
+    if (!d->any_hit)
+        sprintf(call + strlen(call), " || %s%s_see_frustum(1, place, %s(place, 1.0)).found",
+                wgsl || own ? "" : "shader.", p, four);
+    if (wgsl)
+        sprintf(at,
+                "@fragment\nfn host_main(@location(0) place: %s) -> @location(0) %s {\n"
+                "    return %s(select(0.0, 1.0, %s));\n}\n", three, four, four, call);
+    else if (own)
+        sprintf(at, "%s host_run(%s place) {\n    return %s(%s ? 1.0f : 0.0f);\n}\n};\n", four, three, four, call);
+    else
+        sprintf(at, "inline %s host_run(%s_shader shader, %s place) {\n    return %s(%s ? 1.0f : 0.0f);\n}\n", four, p,
+                three, four, call);
+}
+
 /* What a host writes around functions, and the functions that it was asked for. */
 static void wrap(const conemap_frusta_shader_desc *d)
 {
@@ -85,6 +139,10 @@ static void wrap(const conemap_frusta_shader_desc *d)
     const char *e = effects ? "host_effects, " : "";
     char *at = whole;
     whole[0] = 0;
+    if (d->dialect == CONEMAP_WGSL || d->dialect == CONEMAP_MSL) {
+        wrap_new(d);
+        return;
+    }
     if (d->stage == CONEMAP_FRUSTA_FUNCTIONS && !hlsl && !c) at += sprintf(at, "#version %s\n", versions[d->dialect]);
     at += sprintf(at, "%s", text);
     if (d->stage == CONEMAP_FRUSTA_FUNCTIONS) {

@@ -174,7 +174,8 @@ static void wrap_new(const conemap_shader_desc *d)
         static const char *const names[3] = {"host_fetch", "host_cones", "host_maxima"};
         for (k = 0; k < 4; ++k) {
             const int pair = k == 0 && !heights;
-            if ((k == 1 && !(cones && heights)) || (k == 2 && !blocks) || (k == 3 && !(d->flags & CONEMAP_EFFECT_HOLES)))
+            if ((k == 1 && !(cones && heights)) || (k == 2 && !blocks) ||
+                (k == 3 && !(d->flags & CONEMAP_EFFECT_HOLES)))
                 continue;
             sprintf(call, "%s%s", k == 3 ? p : "", k == 3 ? "_alpha" : names[k]);
             if (wgsl)
@@ -200,8 +201,8 @@ static void wrap_new(const conemap_shader_desc *d)
     if (d->flags)
         sprintf(call, "%s_shade(%shost_frame, host_ray, -host_ray", p, set ? "host_effects, " : "");
     else
-        sprintf(call, wgsl ? "%s_%s(host_ray, vec3f(host_ray.xy, -1.0)" : "%s_%s(host_ray, float3(host_ray.xy, -1.0f)", p,
-                d->trace.any_hit ? "any_hit" : "trace");
+        sprintf(call, wgsl ? "%s_%s(host_ray, vec3f(host_ray.xy, -1.0)" : "%s_%s(host_ray, float3(host_ray.xy, -1.0f)",
+                p, d->trace.any_hit ? "any_hit" : "trace");
     if (d->t_range) strcat(call, wgsl ? ", 0.1, 2.0" : ", 0.1f, 2.0f");
     if (d->run_time_cap) strcat(call, ", 50");
     if (d->flags && graded) strcat(call, ", host_gradient");
@@ -230,7 +231,8 @@ static void wrap_new(const conemap_shader_desc *d)
         else
             sprintf(line,
                     "typedef %s_shader S;\nfloat4 host_run(S shader, float3 host_ray%s);\n"
-                    "float4 host_run(S shader, float3 host_ray%s) {\n%s    return float4(shader.%s ? 1.0f : 0.0f);\n}\n",
+                    "float4 host_run(S shader, float3 host_ray%s) {\n"
+                    "%s    return float4(shader.%s ? 1.0f : 0.0f);\n}\n",
                     p, more, more, d->flags && !graded ? "    (void)host_gradient;\n" : "", call);
     }
     put(line);

@@ -48,6 +48,61 @@ fn vertices(@builtin(vertex_index) n: u32) -> to_fragment {
     return to_fragment(vec4f(p.x, -p.y, 0.0, 1.0), rays[2u * n].xyz, rays[2u * n + 1u].xyz);
 }`;
 
+// A cone map by its passes, for each of the maps.
+async function make(device, folder, n) {
+  const is = JSON.parse(readFileSync(join(folder, `${n}.json`), 'utf8')), pipelines = {};
+  const { width, height, side, levels, format } = is, channels = { r32float: 1, rg32float: 2, rgba32float: 4 }[format];
+  for (let kind = 0; existsSync(join(folder, `${n}_${kind}.in`)); ++kind) {
+    const textureOf = (size, mipLevelCount, kept) => device.createTexture({
+      size, mipLevelCount, format: kept,
+      usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST | GPUTextureUsage.STORAGE_BINDING |
+        GPUTextureUsage.COPY_SRC });
+    const heights = textureOf([width, height], 1, 'r32float'), maxima = textureOf([side, side], levels, 'r32float');
+    const states = [0, 1].map(() => textureOf([width, height], 1, 'r32float'));
+    const out = textureOf([width, height], 1, format);
+    device.queue.writeTexture(
+      { texture: heights }, readFileSync(join(folder, `${n}_${kind}.in`)), { bytesPerRow: width * 4 }, [width, height]);
+    for (const p of is.passes) {
+      pipelines[p.text] ??= device.createComputePipeline({
+        layout: 'auto',
+        compute: {
+          module: device.createShaderModule({ code: readFileSync(join(folder, p.text), 'utf8') }),
+          entryPoint: 'conemap_main',
+        },
+      });
+      const views = [];
+      if (p.bits & 1) views.push(states[p.reads].createView());
+      if (p.bits & 2) views.push(heights.createView());
+      if (p.bits & 4) views.push(maxima.createView(p.own ? { mipLevelCount: p.level } : {}));
+      views.push(p.writes < 2 ? states[p.writes].createView() : p.writes === 2 ? out.createView()
+        : maxima.createView({ baseMipLevel: p.level, mipLevelCount: 1 }));
+      const entries = views.map((resource, binding) => ({ binding, resource }));
+      if (p.argued) {
+        const buffer = device.createBuffer({ size: 16, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
+        device.queue.writeBuffer(buffer, 0, new Int32Array([...p.given, 0]));
+        entries.push({ binding: entries.length, resource: { buffer } });
+      }
+      const encoder = device.createCommandEncoder(), pass = encoder.beginComputePass();
+      pass.setPipeline(pipelines[p.text]);
+      pass.setBindGroup(0, device.createBindGroup({ layout: pipelines[p.text].getBindGroupLayout(0), entries }));
+      pass.dispatchWorkgroups(...p.groups);
+      pass.end();
+      device.queue.submit([encoder.finish()]);
+    }
+    const row = Math.ceil(width * channels * 4 / 256) * 256;
+    const back = device.createBuffer({ size: row * height, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
+    const encoder = device.createCommandEncoder();
+    encoder.copyTextureToBuffer({ texture: out }, { buffer: back, bytesPerRow: row }, [width, height]);
+    device.queue.submit([encoder.finish()]);
+    await back.mapAsync(GPUMapMode.READ);
+    const all = new Float32Array(back.getMappedRange().slice(0)), made = new Float32Array(width * height * channels);
+    for (let j = 0; j < height; ++j)
+      made.set(all.subarray(j * row / 4, j * row / 4 + width * channels), j * width * channels);
+    writeFileSync(join(folder, `${n}_${kind}.out`), made);
+    for (const thing of [heights, maxima, ...states, out, back]) thing.destroy();
+  }
+}
+
 async function run(folder) {
   const adapter = await gpu.requestAdapter();
   if (!adapter || !adapter.features.has('float32-filterable')) {
@@ -111,12 +166,13 @@ async function run(folder) {
         entries.push({ binding: is.sampler, resource });
       }
       const rays = bufferOf(data.slice(at), GPUBufferUsage.STORAGE), size = count * 16 * is.targets;
-      const hits = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC | GPUBufferUsage.COPY_DST });
+      const hits = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
       const back = device.createBuffer({ size, usage: GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST });
       made.push(hits, back);
       const encoder = device.createCommandEncoder();
       if (is.compute) {
-        entries.push({ binding: is.rays, resource: { buffer: rays } }, { binding: is.rays + 1, resource: { buffer: hits } });
+        entries.push({ binding: is.rays, resource: { buffer: rays } });
+        entries.push({ binding: is.rays + 1, resource: { buffer: hits } });
         const pass = encoder.beginComputePass();
         pass.setPipeline(pipeline);
         pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
@@ -146,12 +202,13 @@ async function run(folder) {
       for (let k = 0; k < count; ++k) // targets come one after the other, hits with their numbers beside them
         for (let t = 0; t < is.targets; ++t)
           for (let c = 0; c < 4; ++c)
-            out[(k * is.targets + t) * 4 + c] = answers[is.compute ? (k * is.targets + t) * 4 + c : (t * count + k) * 4 + c];
+            out[(k * is.targets + t) * 4 + c] = answers[(is.compute ? k * is.targets + t : t * count + k) * 4 + c];
       writeFileSync(join(folder, `${n}_${kind}.out`), out);
       back.unmap();
       for (const thing of made) thing.destroy();
     }
   }
+  for (let n = 100; existsSync(join(folder, `${n}.json`)); n += 100) await make(device, folder, n);
   if (failed) console.log(`${failed} errors`);
   return failed ? 1 : 0;
 }
