@@ -165,8 +165,7 @@ static bent_vec4 bent_make_vec4(float x, float y, float z, float w) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static bent_vec2 bent_clip(bent_vec2 range, float o, float v, float low, float high) {
+static bent_vec2 bent_clip(bent_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return bent_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return bent_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));

@@ -144,8 +144,7 @@ static mip_vec4 mip_make_vec4(float x, float y, float z, float w) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static mip_vec2 mip_clip(mip_vec2 range, float o, float v, float low, float high) {
+static mip_vec2 mip_clip(mip_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return mip_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return mip_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));

@@ -34,8 +34,7 @@ static plain_vec2 plain_make_vec2(float x, float y) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static plain_vec2 plain_clip(plain_vec2 range, float o, float v, float low, float high) {
+static plain_vec2 plain_clip(plain_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return plain_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return plain_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
@@ -79,8 +78,7 @@ static float plain_mix(plain_vec4 h, float x, float y) {
     return low + (high - low) * y;
 }
 
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 static float plain_patch_hit(plain_vec4 h, float x, float y, float c, plain_vec3 v, float end) {
     float hx = h.y - h.x, hy = h.z - h.x, hxy = h.w - h.z - hx;
     float b = v.z - hx * v.x - hy * v.y - hxy * (x * v.y + y * v.x), a = -hxy * v.x * v.y;
@@ -103,8 +101,7 @@ static plain_hit plain_trace(plain_vec3 origin, plain_vec3 direction, float t_mi
     float t = 0.0f, dt = range.x, hit = -1.0f, speed = sqrtf(direction.x * direction.x + 3.60000014e-1f * direction.y * direction.y);
     bool done = range.x > range.y;
     for (; !done && steps < 64 * (size.x + size.y); ++steps) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * (int)(floorf(x)); x -= floorf(x); j += sj * (int)(floorf(y)); y -= floorf(y);
         plain_vec2 a = plain_texel(i, j, size), b = plain_texel(i + si, j, size);
         plain_vec2 c = plain_texel(i, j + sj, size), d = plain_texel(i + si, j + sj, size);
@@ -113,8 +110,7 @@ static plain_hit plain_trace(plain_vec3 origin, plain_vec3 direction, float t_mi
         float cone = plain_mix(plain_make_vec4(a.y, b.y, c.y, d.y), x, y);
         float leave = fminf((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over the border
         hit = plain_patch_hit(heights, x, y, z - height, v, fminf(leave, left));
-        float gap = z - height - 1.0f / 1048576.0f; // the apex is raised by more than its rounding
-        float closing = speed - cone * v.z;
+        float gap = z - height - 1.0f / 1048576.0f, closing = speed - cone * v.z; // to an apex raised by more than rounding
         dt = fmaxf(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? cone * gap / closing : 1e30f);
         done = hit >= 0.0f || dt >= left;
     }

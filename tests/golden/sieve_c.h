@@ -125,8 +125,7 @@ static sieve_vec4 sieve_make_vec4(float x, float y, float z, float w) {
     return v;
 }
 
-// Narrows a range of t to where low <= o + v t <= high.
-static sieve_vec2 sieve_clip(sieve_vec2 range, float o, float v, float low, float high) {
+static sieve_vec2 sieve_clip(sieve_vec2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
     float a = (low - o) / v, b = (high - o) / v;
     if (v == 0.0f) return sieve_make_vec2(range.x, o >= low && o <= high ? range.y : -1e30f);
     return sieve_make_vec2(fmaxf(range.x, fminf(a, b)), fminf(range.y, fmaxf(a, b)));
