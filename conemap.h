@@ -8202,7 +8202,7 @@ static const char conemap__loop_exact[] =
     "@cone\n"
     "        float leave = min((1.000001f - x) / v.x, (1.000001f - y) / v.y), left = range.y - t; // just over "
     "the border\n"
-    "        hit = conemap_patch_hit($CELL, x, y, z - $BELOW, v, min(leave, left));\n"
+    "        hit = conemap_patch_hit($HEIGHTS_HERE, x, y, z - $HEIGHT_HERE, v, min(leave, left));\n"
     "?back         if (hit == 0.0f && flown > 0.0f) { // this cone was not empty: back, and cell by cell through "
     "it\n"
     "?back             walked = t;\n"
@@ -8211,7 +8211,7 @@ static const char conemap__loop_exact[] =
     "?back             hit = -1.0f;\n"
     "?back             continue;\n"
     "?back         }\n"
-    "        float gap = z - $BELOW - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised "
+    "        float gap = z - $HEIGHT_HERE - 1.0f / 1048576.0f, closing = speed - $APERTURE * v.z; // to an apex raised "
     "by more "
     "than rounding\n"
     "?!back         dt = max(leave, gap <= 0.0f ? 0.0f : closing > 0.0f ? $SCALE$APERTURE * gap / closing : "
@@ -8225,7 +8225,7 @@ static const char conemap__loop_exact[] =
 static const char conemap__loop_linear[] =
     "@surface\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT_HERE, 0.0f) : z - $HEIGHT_HERE;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8235,7 +8235,7 @@ static const char conemap__loop_linear[] =
 static const char conemap__loop_loop[] =
     "@surface\n"
     "@cone\n"
-    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT_HERE, 0.0f) : z - $HEIGHT_HERE;\n"
     "        found = gap <= $TOLERANCE;\n"
     "        if (steps + 1 == $LIMIT || (steps == 0 && gap <= 0.0f)) break; // it begins inside\n"
     "?secant         if (gap > 0.0f) above = gap;\n"
@@ -8248,7 +8248,7 @@ static const char conemap__loop_step[] = /* exact-step, cell-max */
     "@surface\n"
     "@cone\n"
     "?secant         above = gap;\n"
-    "        gap = ends && range.y == ground ? min(z - $BELOW, 0.0f) : z - $BELOW;\n"
+    "        gap = ends && range.y == ground ? min(z - $HEIGHT_HERE, 0.0f) : z - $HEIGHT_HERE;\n"
     "        found = gap <= 0.0f;\n"
     "        done = found || ends;\n"
     "        if (done) break;\n"
@@ -8274,8 +8274,8 @@ static const char conemap__loop_blocks[] =
     "            continue;\n"
     "        }\n"
     "@surface\n"
-    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $BELOW, v, end);\n"
-    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $BELOW, v, end);\n"
+    "?maxmip         hit = conemap_patch_hit(heights, x, y, z - $HEIGHT_HERE, v, end);\n"
+    "?qdm         hit = conemap_line_hit(heights, x, y, z, z - $HEIGHT_HERE, v, end);\n"
     "        done = hit >= 0.0f || leave >= left;\n"
     "        if (done) break;\n"
     "        dt = leave;\n"
@@ -8297,7 +8297,7 @@ static const char conemap__trace_tail[] =
     "?bisect,refined         dt = gap > 0.0f ? 0.5f * abs(dt) : -0.5f * abs(dt);\n"
     "?bisect,refined @move\n"
     "?bisect,refined @surface\n"
-    "?bisect,refined         gap = z - $BELOW;\n"
+    "?bisect,refined         gap = z - $HEIGHT_HERE;\n"
     "?bisect,refined     }\n"
     "?exact_step,!refined     dt = found && steps > 0 ? -min(extra, dt) : 0.0f; // a texel back\n"
     "?bare     return vec4((float(i) + float(si) * $AT_X + 0.5f) / $FW,\n"
@@ -9333,8 +9333,8 @@ static void conemap__make_pieces(conemap__emitter *e) {
                        : d->map.texture.encoding == CONEMAP_SQRT     ? "here.y * here.y"
                        : d->map.texture.encoding == CONEMAP_RADIUS   ? "conemap_tangent(here.y, here.x)"
                                                                      : "here.y");
-    conemap__piece_set(e, "BELOW", 0, f[conemap__flag_together] ? "here.x" : "height");
-    conemap__piece_set(e, "CELL", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
+    conemap__piece_set(e, "HEIGHT_HERE", 0, f[conemap__flag_together] ? "here.x" : "height");
+    conemap__piece_set(e, "HEIGHTS_HERE", 0, f[conemap__flag_together] ? "vec4(a.x, b.x, c.x, d.x)" : "heights");
     out = conemap__piece_new(e, "CONES_DENIED", 0);
     if (f[conemap__flag_falling]) conemap__append(out, size, " || v.z >= 0.0f");
     conemap__append(out, size, " || t < walked");
@@ -14819,6 +14819,7 @@ static conemap_result conemap__resolve_frusta(conemap__emitter *e, conemap_frust
     s->trace.refine_steps = trace.refine_steps;
     result = conemap__resolve_shader(e);
     if (result != CONEMAP_OK) return result;
+    e->flags[conemap__flag_together] = 0; /* height and cone have names */
     for (k = 0; k < 7; ++k)
         if (d->shade && e->given[k] && strcmp(d->shade, e->given[k]) == 0) return CONEMAP_ERROR_PARAMETER;
     if (!conemap__is_name(d->shade)) return CONEMAP_ERROR_PARAMETER;
