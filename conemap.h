@@ -1232,7 +1232,7 @@ typedef struct conemap_skeleton_trace_desc {
 
 typedef struct conemap_skeleton_hit {
     conemap_status status;  /* HIT; LEFT: met nothing; T_MAX: met nothing before t_max; INVALID */
-    int inside;             /* nonzero: the ray began inside; t is then t_min */
+    int inside;             /* nonzero: the ray began inside; t is then t_min. Or it came there through a hole */
     int segment;            /* that was hit: its place in skeleton.frusta; -1: none */
     int cap;                /* nonzero: the flat end of a segment: 1 lower, 2 upper */
     float t;                /* along the ray, in lengths of its direction */
@@ -1318,12 +1318,13 @@ CONEMAP_API conemap_result conemap_skeleton_trace(const conemap_skeleton *skelet
    or with any_hit, in place of the first two, bool conemap_any_frusta(...), arguments as those of conemap_trace_frusta.
 
    Effects. With flags (conemap_effect bits, see FRUSTA EFFECTS) a hit holds found, inside, frustum, user, cap, t,
-   position and uvw, and of the rest what these ask for: normal, depth, shadow, occlusion, map and gradient, level, fade.
-   If one of them has settings, conemap_frusta_effects is the first argument of the functions; its fields are written
-   in the text, nothing is 0 for a default, light and clip rows are as in conemap_emit's, and
+   position and uvw, and of the rest what these ask for: normal, depth, shadow, occlusion, map and gradient, level,
+   fade. If one of them has settings, conemap_frusta_effects is the first argument of the functions; its fields are
+   written in the text, nothing is 0 for a default, light and clip rows are as in conemap_emit's, and
      - effects.first and count: the frusta that throw shadows, each of which every ray to the light looks at;
      - effects.pixel: how wide a pixel is at distance 1 from the eye, for parallel rays anywhere;
-     - UV also writes conemap_color(hit), which samples the texture conemap_colors (behind the frusta) by the gradients.
+     - HOLES reads a texture conemap_alpha (behind the frusta) as conemap_emit's does, or the function of that name;
+     - UV also writes conemap_color(hit), which samples the texture conemap_colors (behind that) by the gradients.
    FRAGMENT writes depth if DEPTH is asked for, as it does without flags. Its targets are (u, v, w of the frustum, t),
    then of (position, frustum), normal, colour and (shadow, occlusion, level, fade) those that are asked for. Settings
    are the uniform conemap_settings (Vulkan: in a block behind the textures; HLSL: a cbuffer behind the camera's).
@@ -1638,14 +1639,17 @@ CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conema
        SOFT_SHADOW    16 rays that cover the light's disc: in steps of 1/16
        SKY            sky_directions rays, cosine-weighted about the normal
        OCCLUSION      from the cone over the relief, as in EFFECTS; branches nearby are not known to it. MARCH_CONES
-       TWO_SIDED      where a ray begins inside, the normal turns to the viewer
-   Without a meaning here, UNSUPPORTED: CLIP (a frustum ends at its cutting planes, and u goes around), CURVED (the
-   base is a cone, exactly), HOLES (frusta are solid, so nothing would be seen through one). LOD and FADE need relief.
+       HOLES          rays pass through texels whose alpha is low: frusta are then hollow, with open ends, and a wall
+                      that a ray meets from within is `inside`. The sides of holes have the normal and the light of
+                      their upper edge
+       TWO_SIDED      where a hit is `inside`, the normal turns to the viewer
+   Without a meaning here, UNSUPPORTED: CLIP (a frustum ends at its cutting planes, and u goes around) and CURVED (the
+   base is a cone, exactly). HOLES, LOD and FADE need relief.
    ====================================================================================================== */
 
 /* Traces `count` rays of the world against a skeleton and shades their hits. With no flags it is
    conemap_skeleton_trace and shadings may be null.
-   effects: frames, clip, alpha, levels and gradients are not read. pixel: how wide one is at distance 1 from the rays'
+   effects: frames, clip, levels and gradients are not read. pixel: how wide one is at distance 1 from the rays'
    origins, at t = 0 of a direction of length 1; for UV, LOD and FADE.
    Light is followed from just outside the surface, 2^-12 of the shell's thickness above the relief; it sees the relief
    with the cap and as flat as the hit did.
@@ -13116,6 +13120,7 @@ CONEMAP__DEF void conemap_skeleton_free(conemap_skeleton *skeleton) {
 typedef struct conemap__shell {
     const conemap_frustum *f;
     const conemap_map *map;
+    const conemap_effects *holes; /* null: none */
     conemap__local_ray ray;
     int linear; /* v goes straight from v_a at t_a to v_b at t_b */
     double t_a, t_b, v_a, v_b;
@@ -13168,9 +13173,14 @@ static conemap__place_uvw conemap__shell_at(const conemap__shell *shell, double 
     return at;
 }
 
-/* How far the ray is above the relief, in heights. */
+/* Is there a hole at a place? See FRUSTA EFFECTS. */
+static int conemap__over_shell_hole(const conemap_map *map, const conemap_effects *e, const conemap_frustum *f,
+                                    double u, double v);
+
+/* How far the ray is above the relief, in heights; 1 over a hole. */
 static double conemap__above_relief(const conemap__shell *shell, double t) {
     conemap__place_uvw at = conemap__shell_at(shell, t);
+    if (shell->holes && conemap__over_shell_hole(shell->map, shell->holes, shell->f, at.u, at.v)) return 1.0;
     return at.w - (double)conemap__relief(shell->map, shell->f, at.u, at.v).height;
 }
 
@@ -13198,7 +13208,8 @@ static double conemap__march_steps(conemap__shell *shell, const conemap_skeleton
             shell->linear = shell->t_b > shell->t_a;
         }
         ++*steps;
-        if ((solid && k == desc->steps) || conemap__above_relief(shell, t) <= 0.0) {
+        if (shell->holes ? conemap__above_relief(shell, t) <= (solid && k == desc->steps ? 0.5 : 0.0)
+                         : (solid && k == desc->steps) || conemap__above_relief(shell, t) <= 0.0) {
             if (k == 0) return t;
             for (n = 0; n < desc->refine_steps; ++n) {
                 double middle = 0.5 * (before + t);
@@ -13291,7 +13302,8 @@ static double conemap__march_cones(conemap__shell *shell, const conemap_skeleton
         double apex = (double)mix.height + (double)CONEMAP__APEX_SLACK, tangent = (double)mix.tangent, g, slope,
                closing, step;
         ++*steps;
-        if (at.w <= (double)mix.height || (solid && t >= t1)) {
+        if ((at.w <= (double)mix.height || (solid && t >= t1)) &&
+            !(shell->holes && conemap__over_shell_hole(shell->map, shell->holes, f, at.u, at.v))) {
             if (t <= t0) return t;
             for (n = 0; n < desc->refine_steps; ++n) {
                 double middle = 0.5 * (before + t);
@@ -13322,6 +13334,7 @@ typedef struct conemap__detail {
     int steps;
 } conemap__detail;
 typedef struct conemap__sight conemap__sight;
+static const conemap_effects *conemap__holes_of(const conemap__sight *sight); /* null: none */
 static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
                                           const conemap_frustum *f, const conemap__world_ray *world, double until);
 static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade);
@@ -13353,7 +13366,8 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
         f = &flat;
     }
     shell.ray = conemap__local(f, world->o, world->v);
-    if (!desc->map || (f->t <= 0.0f && f->tk <= 0.0f)) {
+    shell.holes = found->sight ? conemap__holes_of(found->sight) : NULL;
+    if (!desc->map || (f->t <= 0.0f && f->tk <= 0.0f && !shell.holes)) {
         conemap__cone plain = conemap__cone_at(f, desc->map ? 0.0 : (double)desc->height);
         if (!conemap__solid_span(f, plain, &shell.ray, &t0, &t1, &face)) return;
         t = t0;
@@ -13372,16 +13386,35 @@ static void conemap__trace_segment(const conemap_skeleton *skeleton, const conem
         shell.map = desc->map;
         shell.linear = 0;
         shell.t_a = shell.t_b = shell.v_a = shell.v_b = 0.0;
-        t = desc->march == CONEMAP_MARCH_CONES ? conemap__march_cones(&shell, desc, t0, end, solid, &found->steps)
-                                               : conemap__march_steps(&shell, desc, t0, end, solid, &found->steps);
-        if (t < 0.0) return;
+        /* With holes the core is hollow: a ray that begins in it or comes in by a cut meets the wall from within. */
+        if (shell.holes && solid && (inner_face || inner0 <= world->t0))
+            t = -1.0;
+        else
+            t = desc->march == CONEMAP_MARCH_CONES
+                    ? conemap__march_cones(&shell, desc, t0, end, solid, &found->steps)
+                    : conemap__march_steps(&shell, desc, t0, end, solid, &found->steps);
         if (t > t0) face = 0;
+        if (t < 0.0 && shell.holes && solid) {
+            double p[3];
+            conemap__place_uvw at;
+            conemap__along(&shell.ray, inner1, p);
+            at = conemap__uvw(f, p);
+            if (at.d < 0.999 * ((double)f->r + (double)f->k * p[1])) return; /* out by a cut */
+            face = 3;
+            if (!conemap__over_shell_hole(shell.map, shell.holes, f, at.u, at.v))
+                t = inner1;
+            else
+                t = desc->march == CONEMAP_MARCH_CONES
+                        ? conemap__march_cones(&shell, desc, inner1, conemap__maxd(inner1, t1), 0, &found->steps)
+                        : conemap__march_steps(&shell, desc, inner1, conemap__maxd(inner1, t1), 0, &found->steps);
+        }
+        if (t < 0.0) return;
     }
     if (!(t < found->t) && found->segment >= 0) return;
     found->t = t;
     found->segment = segment;
     found->face = face;
-    found->inside = t <= world->t0;
+    found->inside = t <= world->t0 || face == 3;
     if (found->sight) found->detail = detail;
 }
 
@@ -13559,9 +13592,9 @@ static void conemap__blend_normal(const conemap_skeleton *skeleton, const conema
 static void conemap__put_surface(const conemap_skeleton *skeleton, const conemap_skeleton_trace_desc *desc,
                                  const conemap__world_ray *ray, const conemap__found *found,
                                  conemap_skeleton_hit *hit) {
-    static const int ends_freely[3] = {
+    static const int ends_freely[4] = {
         0, CONEMAP_FRUSTUM_ROOT | CONEMAP_FRUSTUM_BRANCH | CONEMAP_FRUSTUM_CLAMPED_LOWER,
-        CONEMAP_FRUSTUM_TIP | CONEMAP_FRUSTUM_CLAMPED_UPPER};
+        CONEMAP_FRUSTUM_TIP | CONEMAP_FRUSTUM_CLAMPED_UPPER, 0};
     const conemap_frustum *f = &skeleton->frusta[found->segment];
     conemap__place_uvw at;
     double point[3], p[3], smooth[3], plain[3], v;
@@ -13902,17 +13935,25 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    float by_v = (c - a + (d - c - b + a) * x) * $FH * f.extent.z;\n"
      "    return vec3(a + low * x + (c - a + (high - low) * x) * y, by_u, by_v + by_u * f.extent.w);\n"
      "}\n"},
+    {"conemap_over_hole",
+     "$FNbool conemap_over_hole(conemap_frustum f, conemap_uvw at, float alpha_cut) {\n"
+     "?size_asked     ivec2 size = $SIZE_ASKED;\n"
+     "    vec2 p = conemap_texels(f, at.u, at.v$SIZE);\n"
+     "    int i = int(floor(p.x + 0.5f)), j = int(floor(p.y + 0.5f));\n"
+     "    return $ALPHA < alpha_cut;\n"
+     "}\n"},
     {"conemap_along",
      "$FNvec3 conemap_along(vec3 o, vec3 v, float t) {\n"
      "    return vec3(o.x + t * v.x, o.y + t * v.y, o.z + t * v.z);\n"
      "}\n"},
     {"conemap_above",
      "// How far the ray is above the relief at t, in heights.\n"
-     "?!linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t) {\n"
-     "?linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t, vec4 piece) {\n"
+     "?!linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t$CUT_PARAM) {\n"
+     "?linear_v $FNfloat conemap_above(conemap_frustum f, vec3 o, vec3 v, float t, vec4 piece$CUT_PARAM) {\n"
      "    conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
      "?linear_v     if (piece.y > piece.x) at.v = piece.z + (piece.w - piece.z) * ((t - piece.x) / (piece.y - "
      "piece.x));\n"
+     "?holes     if (conemap_over_hole(f, at, alpha_cut)) return 1.0f;\n"
      "    return at.w - conemap_relief(f, at.u, at.v)$DOT_RELIEF;\n"
      "}\n"},
     {"conemap_piece",
@@ -13990,12 +14031,15 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?linear_v             piece = conemap_piece(f, o, v, range, next, pieces);\n"
      "?linear_v             ++next;\n"
      "?linear_v         }\n"
-     "?steps_march         met = (solid && k == $STEPS) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
+     "?steps_march,!holes         met = (solid && k == $STEPS) || conemap_above(f, o, v, t$PIECE) <= 0.0f;\n"
+     "?steps_march,holes         met = conemap_above(f, o, v, t$PIECE, alpha_cut) <= (solid && k == $STEPS ? 0.5f : "
+     "0.0f);\n"
      "?steps_march         if (met) break;\n"
      "?steps_march         before = t;\n"
      "?cone_march         conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
      "?cone_march         vec2 relief = conemap_relief(f, at.u, at.v);\n"
      "?cone_march         met = at.w <= relief.x || (solid && t >= range.y);\n"
+     "?cone_march,holes         met = met && !conemap_over_hole(f, at, alpha_cut);\n"
      "?cone_march         if (met || t >= range.y) break;\n"
      "?cone_march         float apex = relief.x + 1.0f / 1048576.0f, g = (at.w - apex) * at.thickness;\n"
      "?cone_march         float slope = at.sine * v.x + at.cosine * v.z - (f.radii.y + f.radii.w * apex) * v.y;\n"
@@ -14008,7 +14052,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    }\n"
      "    for (int n = 0; met && n < $REFINE_STEPS; ++n) {\n"
      "        float middle = 0.5f * (before + t);\n"
-     "        bool over = conemap_above(f, o, v, middle$PIECE) > 0.0f;\n"
+     "        bool over = conemap_above(f, o, v, middle$PIECE$CUT_ARG) > 0.0f;\n"
      "        before = over ? middle : before;\n"
      "        t = over ? t : middle;\n"
      "    }\n"
@@ -14028,10 +14072,20 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?relief     if (shell) outer = conemap_span(f, vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, "
      "t_min, t_max);\n"
      "?relief     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell\n"
-     "?relief     float t = outer.x <= outer.y ? outer.x : 1e30f;\n"
-     "?relief     if (shell && outer.x <= outer.y)\n"
-     "?relief         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), solid$CAP_ARG);\n"
-     "?relief     return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
+     "?holes     // The frustum is hollow: through a hole to the far wall, which is met from within.\n"
+     "?holes     bool core = solid && (inner.z != 0.0f || inner.x <= t_min); // there at once\n"
+     "?holes     float t = 1e30f, end = solid ? max(inner.x, outer.x) : outer.y;\n"
+     "?holes     if (outer.x <= outer.y && !core) t = conemap_march(f, o, v, vec2(outer.x, end), solid$CAP_ARG);\n"
+     "?holes     conemap_uvw at = conemap_locate(f, conemap_along(o, v, inner.y));\n"
+     "?holes     if (t < 1e30f || !solid || at.d < 0.999f * (f.radii.x + f.radii.y * (o.y + inner.y * v.y)))\n"
+     "?holes         return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
+     "?holes     if (!conemap_over_hole(f, at, alpha_cut)) return vec2(inner.y, 3.0f);\n"
+     "?holes     return vec2(conemap_march(f, o, v, vec2(inner.y, max(inner.y, outer.y)), false$CAP_ARG), 3.0f);\n"
+     "?relief,!holes     float t = outer.x <= outer.y ? outer.x : 1e30f;\n"
+     "?relief,!holes     if (shell && outer.x <= outer.y)\n"
+     "?relief,!holes         t = conemap_march(f, o, v, vec2(outer.x, solid ? max(inner.x, outer.x) : outer.y), "
+     "solid$CAP_ARG);\n"
+     "?relief,!holes     return vec2(t, t > outer.x ? 0.0f : outer.z);\n"
      "}\n"},
     {"conemap_cut_gradient",
      "// Gradient, times the thickness, of a cut's y: it moves with the angle and with w.\n"
@@ -14086,18 +14140,21 @@ static const conemap__snippet conemap__frusta_snippets[] = {
     {"conemap_find_normals",
      "$FNconemap_normals conemap_find_normals(conemap_frustum f, conemap_uvw at) {\n"
      "?plain     vec3 grad_w = vec3(at.sine, -at.cone.y, at.cosine); // all gradients times the thickness\n"
-     "?eased     vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, f.extent.x);\n"
+     "?eased     vec3 low = conemap_end_normal(f, f.lower, at, 0.0f), high = conemap_end_normal(f, f.upper, at, "
+     "f.extent.x);\n"
      "?eased     float m = min(max(at.v, 0.0f), 1.0f), steep = sqrt(1.0f + at.cone.y * at.cone.y);\n"
      "?eased     if ((f.more.x & 32) != 0) m = m * m * (3.0f - 2.0f * m); // C1\n"
      "?eased     float l = 1.0f - m;\n"
-     "?eased     vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * high.z));\n"
+     "?eased     vec3 smoothed = conemap_unit(vec3(l * low.x + m * high.x, l * low.y + m * high.y, l * low.z + m * "
+     "high.z));\n"
      "?eased     smoothed = vec3(smoothed.x * steep, smoothed.y * steep, smoothed.z * steep);\n"
      "?blends     float height = $HEIGHT;\n"
      "?relief     if (at.thickness > 0.0f && at.d > 1e-6f * f.extent.x) { // the relief's slopes\n"
      "?relief         conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
      "?relief         vec3 slopes = conemap_slopes(f, at.u, at.v);\n"
      "?relief         float by_u = slopes.y * 0.159154943f, by_v = slopes.z;\n"
-     "?relief         vec3 s = vec3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * g.v.z);\n"
+     "?relief         vec3 s = vec3(by_u * g.u.x + by_v * g.v.x, by_u * g.u.y + by_v * g.v.y, by_u * g.u.z + by_v * "
+     "g.v.z);\n"
      "?relief,plain         grad_w = vec3(grad_w.x - s.x, grad_w.y - s.y, grad_w.z - s.z);\n"
      "?relief,eased         smoothed = vec3(smoothed.x - s.x, smoothed.y - s.y, smoothed.z - s.z);\n"
      "?relief,blends         height = slopes.x;\n"
@@ -14260,6 +14317,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?lights     vec4 light; // towards the light, 0; or its position, 1\n"
      "?casts     int first, count; // frusta that throw shadows\n"
      "?soft     float light_radius; // radians, or the radius of the ball at a position\n"
+     "?holes     float alpha_cut; // texels below it are holes\n"
      "?sky     float sky_reach; // what is farther away hides nothing\n"
      "?sky     int sky_directions;\n"
      "?pixels     float pixel; // how wide a pixel is at distance 1 from the eye; of parallel rays, anywhere\n"
@@ -14277,7 +14335,8 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?!c };\n"},
     {"conemap_detail_of",
      "// Where a ray enters the shell. pixel: how wide one is at t = 0, and its growth.\n"
-     "$FNconemap_detail conemap_detail_of(conemap_frusta_effects e, conemap_frustum f, vec3 o, vec3 v, vec2 range, vec2 "
+     "$FNconemap_detail conemap_detail_of(conemap_frusta_effects e, conemap_frustum f, vec3 o, vec3 v, vec2 range, "
+     "vec2 "
      "pixel) {\n"
      "?capped,size_asked     ivec2 size = $SIZE_ASKED;\n"
      "    conemap_detail detail;\n"
@@ -14285,7 +14344,8 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    vec3 p = conemap_along(o, v, outer.x);\n"
      "    float width = max(pixel.x + pixel.y * outer.x, 1e-30f);\n"
      "?capped     float around = f.radii.x + f.radii.z + (f.radii.y + f.radii.w) * p.y;\n"
-     "?capped     float texels = max(float(f.more.y) * $FW / max(6.28318531f * around, 1e-20f), abs(f.extent.z) * $FH / "
+     "?capped     float texels = max(float(f.more.y) * $FW / max(6.28318531f * around, 1e-20f), abs(f.extent.z) * "
+     "$FH / "
      "f.extent.x);\n"
      "?capped     detail.level = max(log2(max(width * texels, 1e-30f)) + e.lod_bias, 0.0f);\n"
      "?capped     detail.cap = int(max(8.0f, ceil(float(e.lod_steps) * exp2(-detail.level))));\n"
@@ -14317,7 +14377,8 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    if (at.thickness > 0.0f) scale = width / at.thickness;\n"
      "    else at.thickness = 1.0f;\n"
      "    conemap_uv_gradients g = conemap_find_gradients(f, at);\n"
-     "    vec3 n = conemap_unit(conemap_out_of(f, vec3(at.sine, -at.cone.y, at.cosine))), d = conemap_unit(direction);\n"
+     "    vec3 n = conemap_unit(conemap_out_of(f, vec3(at.sine, -at.cone.y, at.cosine))), d = "
+     "conemap_unit(direction);\n"
      "    float facing = dot(n, d);\n"
      "    vec3 away = conemap_along(d, n, -facing);\n"
      "    away = facing * facing < 0.9999f ? conemap_unit(away) : conemap_side_of(n);\n"
@@ -14330,7 +14391,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "}\n"},
     {"conemap_lift",
      "// The place of the world, just outside the surface, that light is looked at from.\n"
-     "$FNvec3 conemap_lift(conemap_frustum f, vec3 p, int cap) {\n"
+     "$FNvec3 conemap_lift(conemap_frustum f, vec3 p, int cap$WITHIN_PARAM) {\n"
      "    conemap_uvw at = conemap_locate(f, p);\n"
      "    float bias = 1e-5f * at.d + 3e-7f * (abs(f.axis_x.w) + abs(f.axis_y.w) + abs(f.axis_z.w) + f.extent.x);\n"
      "    float out_to = at.d;\n"
@@ -14338,6 +14399,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?relief         float height = conemap_relief(f, at.u, at.v)$DOT_RELIEF + 1.0f / 4096.0f;\n"
      "?relief         out_to = max(out_to, f.radii.x + f.radii.y * p.y + height * at.thickness);\n"
      "?relief     }\n"
+     "?holes     if (within) out_to = min(at.d, f.radii.x + f.radii.y * p.y) - 2.0f * bias - at.thickness / 4096.0f;\n"
      "    out_to += bias;\n"
      "    if (cap == 0) p = vec3(at.sine * out_to, p.y, at.cosine * out_to);\n"
      "    else p = conemap_along(p, conemap_unit(conemap_flat_end(f, cap)), bias + 4e-6f * (f.extent.x + f.radii.x + "
@@ -14359,9 +14421,10 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    return vec2(r * cos(angle), r * sin(angle));\n"
      "}\n"},
     {"conemap_free_rays",
-     "// The share of n rays that meet nothing: their directions are axis * along and a point of the disc times `wide`.\n"
+     "// The share of n rays that meet nothing: their directions are axis * along and a point of the disc times "
+     "`wide`.\n"
      "$FNfloat conemap_free_rays(conemap_frusta_effects e, vec3 place, vec3 axis, float wide, bool dome, int n, float "
-     "reach$DETAIL_PARAM) {\n"
+     "reach$ANY_PARAM) {\n"
      "    vec3 side = conemap_side_of(axis), other = cross(axis, side);\n"
      "    int clear = 0;\n"
      "    for (int k = 0; k < n; ++k) {\n"
@@ -14369,7 +14432,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "        float up = dome ? sqrt(1.0f - at.x * at.x - at.y * at.y) : 1.0f;\n"
      "        vec3 d = vec3(axis.x * up, axis.y * up, axis.z * up);\n"
      "        d = conemap_unit(conemap_along(conemap_along(d, side, wide * at.x), other, wide * at.y));\n"
-     "        if (!conemap_any_frusta(e.first, e.count, place, d, 0.0f, reach$DETAIL_ARG)) ++clear;\n"
+     "        if (!conemap_any_frusta(e.first, e.count, place, d, 0.0f, reach$ANY_ON)) ++clear;\n"
      "    }\n"
      "    return float(clear) / float(n);\n"
      "}\n"},
@@ -14397,23 +14460,24 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?fade     hit.fade = detail.fade;\n"
      "?fade,placed     f = conemap_flatten(f, detail.fade);\n"
      "?occlusion     if (hit.cap == 0) hit.occlusion = conemap_openness(f, p);\n"
-     "?casts     vec3 place = conemap_lift(f, p, hit.cap);\n"
+     "?casts     vec3 place = conemap_lift(f, p, hit.cap$WITHIN_ARG);\n"
      "?lights     vec4 light = conemap_light_from(e.light, place);\n"
      "?hard     bool dark = conemap_any_frusta(e.first, e.count, place, vec3(light.x, light.y, light.z), 0.0f, "
-     "light.w$DETAIL_ARG);\n"
+     "light.w$ANY_ARG);\n"
      "?hard     hit.shadow = dark ? 0.0f : 1.0f;\n"
      "?soft     float wide = e.light.w != 0.0f ? min(e.light_radius / light.w, 1.0f) : e.light_radius;\n"
      "?soft     vec3 to_light = vec3(light.x, light.y, light.z);\n"
-     "?soft     hit.shadow = conemap_free_rays(e, place, to_light, wide, false, 16, light.w$DETAIL_ARG);\n"
+     "?soft     hit.shadow = conemap_free_rays(e, place, to_light, wide, false, 16, light.w$ANY_ARG);\n"
      "?sky     float reach = e.sky_reach > 0.0f ? e.sky_reach : 1e29f;\n"
-     "?sky     hit.occlusion = conemap_free_rays(e, place, hit.normal, 1.0f, true, e.sky_directions, reach$DETAIL_ARG);\n"
+     "?sky     hit.occlusion = conemap_free_rays(e, place, hit.normal, 1.0f, true, e.sky_directions, reach$ANY_ARG);\n"
      "    return hit;\n"
      "}\n"},
 
     /* ---- rays of the world ---- */
     {"conemap_trace_frusta",
      "// The first hit of a ray of the world with `count` frusta from `first`.\n"
-     "$FNconemap_frustum_hit conemap_trace_frusta($E_PARAMint first, int count, vec3 origin, vec3 direction, float t_min,\n"
+     "$FNconemap_frustum_hit conemap_trace_frusta($E_PARAMint first, int count, vec3 origin, vec3 direction, float "
+     "t_min,\n"
      "                                           float t_max) {\n"
      "    conemap_frustum_hit hit = conemap_no_frustum(t_max);\n"
      "    float t = t_max;\n"
@@ -14421,7 +14485,8 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?pixels     float growth = e.pixel * sqrt(dot(direction, direction));\n"
      "    for (int k = first; k < first + count; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
-     "?!detailed         vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, t);\n"
+     "?!detailed         vec2 met = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), "
+     "t_min, t$DETAIL_CAP);\n"
      "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction);\n"
      "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
      "?fade         f = conemap_flatten(f, detail.fade);\n"
@@ -14435,11 +14500,12 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    if (nearest >= 0) {\n"
      "        conemap_frustum f = conemap_load(nearest);\n"
      "?!detailed         vec3 p = conemap_along(conemap_place_into(f, origin), conemap_into(f, direction), t);\n"
-     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction), p = conemap_along(o, v, t);\n"
+     "?detailed         vec3 o = conemap_place_into(f, origin), v = conemap_into(f, direction), p = conemap_along(o, "
+     "v, t);\n"
      "?detailed         conemap_detail detail = conemap_detail_of(e, f, o, v, vec2(t_min, t), vec2(0.0f, growth));\n"
      "        hit = conemap_surface(f, nearest, p, face);\n"
      "        hit.t = t;\n"
-     "        hit.inside = t <= t_min;\n"
+     "        hit.inside = t <= t_min$OR_FACE;\n"
      "?uv         float width = growth * t;\n"
      "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
      "    }\n"
@@ -14448,13 +14514,13 @@ static const conemap__snippet conemap__frusta_snippets[] = {
     {"conemap_any_frusta",
      "// Does a ray of the world meet any of `count` frusta from `first`? For shadows.\n"
      "$FNbool conemap_any_frusta(int first, int count, vec3 origin, vec3 direction, float t_min, float "
-     "t_max$DETAIL_PARAM) {\n"
+     "t_max$ANY_PARAM) {\n"
      "    bool found = false;\n"
      "    for (int k = first; k < first + count && !found; ++k) {\n"
      "        conemap_frustum f = conemap_load(k);\n"
      "?fade         f = conemap_flatten(f, detail.fade);\n"
      "        found = conemap_meet(f, conemap_place_into(f, origin), conemap_into(f, direction), t_min, "
-     "t_max$DETAIL_CAP).x <= t_max;\n"
+     "t_max$ANY_CAP).x <= t_max;\n"
      "    }\n"
      "    return found;\n"
      "}\n"},
@@ -14487,7 +14553,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "?finishes         hit = conemap_surface(f, frustum, p, int(met.y));\n"
      "        vec3 way = vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);\n"
      "        hit.t = eye.w != 0.0f ? sqrt(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;\n"
-     "        hit.inside = met.x <= -back;\n"
+     "        hit.inside = met.x <= -back$OR_MET;\n"
      "?uv         vec3 direction = eye.w != 0.0f ? way : vec3(eye.x, eye.y, eye.z);\n"
      "?uv         float width = pixel.x + pixel.y * met.x;\n"
      "?finishes         hit = conemap_finish($FINISH_E_ARGhit$FINISH_ARGS);\n"
@@ -14554,6 +14620,8 @@ static const char conemap__frusta_head[] =
     "?uses_map,hlsl $TEXTURE<$MAP_TYPE> $MAP_NAME$MAP_LAYOUT;\n"
     "?uses_heights,hlsl $TEXTURE<float> $HEIGHTS_NAME$HEIGHTS_LAYOUT;\n"
     "?sampler,hlsl SamplerState $SAMPLER_NAME$SAMPLER_LAYOUT;\n"
+    "?holes,!host,glsl $ALPHA_LAYOUTuniform $SAMPLER conemap_alpha; // r, a texel for each of the map's\n"
+    "?holes,!host,hlsl Texture2D<float> conemap_alpha$ALPHA_LAYOUT; // a texel for each of the map's\n"
     "?colors,glsl $COLORS_LAYOUTuniform $COLOR_SAMPLER conemap_colors; // a colour map\n"
     "?colors,hlsl Texture2D<float4> conemap_colors$COLORS_LAYOUT;\n"
     "?colors,hlsl SamplerState conemap_color_sampler$COLOR_SAMPLER_LAYOUT;\n"
@@ -14573,6 +14641,7 @@ static const char conemap__frusta_head[] =
 static const char conemap__frusta_host[] = /* prototypes of the host's functions */
     "?from_host,!msl ivec4 $FETCH_FRUSTA_NAME(int frustum, int row);\n"
     "?host,relief,!msl $TEXEL_TYPE $FETCH_NAME(int i, int j);\n"
+    "?host,holes,!msl float conemap_alpha(int i, int j);\n"
     "?host_lines,!msl \n";
 
 static const char conemap__frusta_vertex[] =
@@ -14636,7 +14705,8 @@ static const char conemap__frusta_targets[] =
     "?glsl,told,world layout(location = 1) out vec4 conemap_target1; // position; frustum\n"
     "?glsl,told,normal_out layout(location = $TARGET_2) out vec4 conemap_target$TARGET_2; // normal\n"
     "?glsl,told,colors layout(location = $TARGET_3) out vec4 conemap_target$TARGET_3; // colour\n"
-    "?glsl,told,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, fade\n"
+    "?glsl,told,numbers layout(location = $TARGET_4) out vec4 conemap_target$TARGET_4; // shadow, occlusion, level, "
+    "fade\n"
     "?glsl,greater layout(depth_greater) out float gl_FragDepth;\n"
     "?glsl,less layout(depth_less) out float gl_FragDepth;\n"
     "?returns struct conemap_targets {\n"
@@ -14710,15 +14780,17 @@ static const char conemap__frusta_fragment[] =
 
 /* Sets the flags of effects: what an emission without any has, and says what does not go with them. */
 static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const conemap_frusta_shader_desc *d) {
-    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
-    const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_CURVED;
+    const unsigned of_relief = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_HOLES;
     const unsigned flags = d->stage == CONEMAP_FRUSTA_VERTEX ? 0 : d->flags;
     const int fragment = d->stage == CONEMAP_FRUSTA_FRAGMENT;
     unsigned char *f = e->flags;
-    if (conemap__effects_clash(flags) || (flags & never) || (flags && d->any_hit) || ((flags & far_away) && !d->relief) ||
+    if (conemap__effects_clash(flags) || (flags & never) || (flags && d->any_hit) ||
+        ((flags & of_relief) && !d->relief) ||
         ((flags & CONEMAP_EFFECT_OCCLUSION) && !f[conemap__flag_cone_march]))
         return CONEMAP_ERROR_UNSUPPORTED;
     f[conemap__flag_every] = flags == 0;
+    f[conemap__flag_holes] = (flags & CONEMAP_EFFECT_HOLES) != 0;
     f[conemap__flag_capped] = (flags & CONEMAP_EFFECT_LOD) != 0;
     f[conemap__flag_fade] = (flags & CONEMAP_EFFECT_FADE) != 0;
     f[conemap__flag_two_sided] = (flags & CONEMAP_EFFECT_TWO_SIDED) != 0;
@@ -14744,7 +14816,8 @@ static conemap_result conemap__resolve_frusta_effects(conemap__emitter *e, const
     f[conemap__flag_pixels] = f[conemap__flag_uv] || f[conemap__flag_detailed];
     f[conemap__flag_casts] = f[conemap__flag_lights] || f[conemap__flag_sky];
     f[conemap__flag_placed] = f[conemap__flag_casts] || f[conemap__flag_occlusion];
-    f[conemap__flag_settings] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_casts];
+    f[conemap__flag_settings] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_casts] ||
+                                f[conemap__flag_holes];
     f[conemap__flag_finishes] = f[conemap__flag_depth] || f[conemap__flag_pixels] || f[conemap__flag_placed] ||
                                 (f[conemap__flag_two_sided] && f[conemap__flag_normal_out]);
     f[conemap__flag_numbers] = f[conemap__flag_lights] || f[conemap__flag_open] || f[conemap__flag_detailed];
@@ -14873,6 +14946,7 @@ static void conemap__frusta_effect_pieces(conemap__emitter *e, int next, int con
     const unsigned char *f = e->flags;
     const size_t size = CONEMAP__PIECE_SIZE;
     const int hlsl = f[conemap__flag_hlsl], detailed = f[conemap__flag_detailed], capped = f[conemap__flag_capped];
+    const int holes = f[conemap__flag_holes];
     const int settings = f[conemap__flag_settings], light = f[conemap__flag_depth] || f[conemap__flag_casts];
     int k, target = 0;
     char *out;
@@ -14889,9 +14963,28 @@ static void conemap__frusta_effect_pieces(conemap__emitter *e, int next, int con
     }
     conemap__piece_set(e, "DETAIL_PARAM", 0, detailed ? ", conemap_detail detail" : "");
     conemap__piece_set(e, "DETAIL_ARG", 0, detailed ? ", detail" : "");
-    conemap__piece_set(e, "DETAIL_CAP", 0, capped ? ", detail.cap" : "");
-    conemap__piece_set(e, "CAP_PARAM", 0, capped ? ", int cap" : "");
-    conemap__piece_set(e, "CAP_ARG", 0, capped ? ", cap" : "");
+    conemap__piece_set(e, "CUT_PARAM", 0, holes ? ", float alpha_cut" : "");
+    conemap__piece_set(e, "CUT_ARG", 0, holes ? ", alpha_cut" : "");
+    conemap__piece_set(e, "CAP_PARAM", 0, capped ? ", int cap$CUT_PARAM" : "$CUT_PARAM");
+    conemap__piece_set(e, "CAP_ARG", 0, capped ? ", cap$CUT_ARG" : "$CUT_ARG");
+    conemap__piece_set(e, "DETAIL_CAP", 0, capped && holes ? ", detail.cap, e.alpha_cut" : capped ? ", detail.cap"
+                                           : holes         ? ", e.alpha_cut" : "");
+    conemap__piece_set(e, "ANY_PARAM", 0, "$DETAIL_PARAM$CUT_PARAM"); /* of rays to the light */
+    conemap__piece_set(e, "ANY_ARG", 0, holes ? "$DETAIL_ARG, e.alpha_cut" : "$DETAIL_ARG");
+    conemap__piece_set(e, "ANY_ON", 0, "$DETAIL_ARG$CUT_ARG");
+    conemap__piece_set(e, "ANY_CAP", 0, capped ? ", detail.cap$CUT_ARG" : "$CUT_ARG");
+    conemap__piece_set(e, "WITHIN_PARAM", 0, holes ? ", bool within" : "");
+    conemap__piece_set(e, "WITHIN_ARG", 0, holes ? ", hit.inside" : "");
+    conemap__piece_set(e, "OR_FACE", 0, holes ? " || face == 3" : "");
+    conemap__piece_set(e, "OR_MET", 0, holes ? " || int(met.y) == 3" : "");
+    out = conemap__piece_new(e, "ALPHA", 0);
+    if (f[conemap__flag_host])
+        conemap__append(out, size, "conemap_alpha($I, $J)");
+    else
+        conemap__read_texture(e, out, "conemap_alpha", hlsl ? ".Load" : "texelFetch(",
+                              hlsl ? "(int3($I, $J, 0))" : ", ivec2($I, $J), 0)", ".r");
+    conemap__place_resource(e, "ALPHA_LAYOUT", 't', next);
+    next += holes && !f[conemap__flag_host];
     conemap__piece_set(e, "STEPS", 0, capped ? "cap" : "$CAP");
     for (k = 0; k < 5; ++k) { /* targets that were asked for follow each other */
         conemap__append_int(conemap__piece_new(e, targets[k][0], 1), size, target);
@@ -16496,6 +16589,21 @@ struct conemap__sight {
     const conemap__detail *given; /* for light: as the hit saw it; null: by the distance */
 };
 
+static const conemap_effects *conemap__holes_of(const conemap__sight *sight) {
+    return sight->e->flags & CONEMAP_EFFECT_HOLES ? sight->e : NULL;
+}
+
+static int conemap__over_shell_hole(const conemap_map *map, const conemap_effects *e, const conemap_frustum *f,
+                                    double u, double v) {
+    const int w = map->info.width, h = map->info.height;
+    double inside;
+    int i, j;
+    v = conemap__clamp01(v);
+    i = conemap__enter_cells((u + v * (double)f->twist) * (double)f->u_repeat, w, map->info.wrap_u, 0.0, w, &inside);
+    j = conemap__enter_cells((double)f->v_start + v * (double)f->v_size, h, map->info.wrap_v, 0.0, h, &inside);
+    return (e->alpha + (ptrdiff_t)j * e->alpha_stride)[i] < e->alpha_cut;
+}
+
 /* Where a ray enters the shell. */
 static conemap__detail conemap__detail_of(const conemap__sight *sight, const conemap_skeleton_trace_desc *desc,
                                           const conemap_frustum *f, const conemap__world_ray *world, double until) {
@@ -16516,7 +16624,8 @@ static conemap__detail conemap__detail_of(const conemap__sight *sight, const con
         double around = conemap__maxd(6.283185307179586 * (outer.r + outer.k * p[1]), 1e-20);
         double u = (double)f->u_repeat * (double)desc->map->info.width / around;
         double v = conemap__absd((double)f->v_size) * (double)desc->map->info.height / (double)f->h;
-        detail.level = log2f((float)conemap__mind(conemap__maxd(width * conemap__maxd(u, v), 1e-30), 1e30)) + e->lod_bias;
+        detail.level = log2f((float)conemap__mind(conemap__maxd(width * conemap__maxd(u, v), 1e-30), 1e30));
+        detail.level += e->lod_bias;
         detail.level = conemap__max(detail.level, 0.0f);
         if (e->lod_steps)
             detail.steps = conemap__mini(
@@ -16551,17 +16660,20 @@ typedef struct conemap__lit_place {
 } conemap__lit_place;
 
 /* A bias keeps light from its own surface: heights by 2^-12, what is flat by what floats can tell apart. */
-static void conemap__lift_place(conemap__lit_place *place, int cap) {
+static void conemap__lift_place(conemap__lit_place *place, int cap, int within) {
     const conemap_frustum *f = &place->f;
     conemap__place_uvw at = conemap__uvw(f, place->local);
     double bias, out = at.d, p[3], axes[3][3];
     int k;
-    bias = conemap__absd((double)f->axis_x[3]) + conemap__absd((double)f->axis_y[3]) + conemap__absd((double)f->axis_z[3]);
+    bias = conemap__absd((double)f->axis_x[3]) + conemap__absd((double)f->axis_y[3]);
+    bias += conemap__absd((double)f->axis_z[3]);
     bias = 1e-5 * at.d + 3e-7 * (bias + (double)f->h);
     if (place->desc.map && at.thickness > 0.0) {
         double height = (double)conemap__relief(place->desc.map, f, at.u, at.v).height + 1.0 / 4096.0;
         out = conemap__maxd(out, (double)f->r + (double)f->k * place->local[1] + height * at.thickness);
     }
+    if (within) /* of a hollow one: to the other side */
+        out = conemap__mind(at.d, (double)f->r + (double)f->k * place->local[1]) - 2.0 * bias - at.thickness / 4096.0;
     p[0] = at.sine * (out + bias);
     p[1] = place->local[1];
     p[2] = at.cosine * (out + bias);
@@ -16625,8 +16737,8 @@ static float conemap__free_rays(const conemap__lit_place *place, const double *a
     return (float)clear / (float)n;
 }
 
-/* How u and v of the map move along the two axes of a pixel's footprint on the frustum: away from the viewer and across.
-   */
+/* How u and v of the map move along the two axes of a pixel's footprint on the frustum: away from the viewer, and
+   across. */
 static void conemap__footprint_of(const conemap_frustum *f, const double *p, const double *direction, double width,
                                   conemap_gradient *gradient) {
     conemap__place_uvw at = conemap__uvw(f, p);
@@ -16722,7 +16834,7 @@ static void conemap__shade_segment(const conemap_skeleton *skeleton, const conem
     place.f = conemap__flatten(&place.f, desc->height, place.detail.fade);
     if (e->flags & CONEMAP_EFFECT_OCCLUSION)
         s->occlusion = hit->cap ? 1.0f : conemap__shell_openness(desc->map, &place.f, place.local);
-    conemap__lift_place(&place, hit->cap);
+    conemap__lift_place(&place, hit->cap, hit->inside && (e->flags & CONEMAP_EFFECT_HOLES));
     if (e->flags & lights) {
         double light[3], reach = CONEMAP__NEVER, wide = (double)e->light_radius;
         for (k = 0; k < 3; ++k) light[k] = (double)e->light[k] - (e->light_is_point ? place.from[k] : 0.0);
@@ -16745,16 +16857,17 @@ static void conemap__shade_segment(const conemap_skeleton *skeleton, const conem
 /* Checks effects of a skeleton and writes their defaults out. */
 static conemap_result conemap__resolve_skeleton_effects(const conemap_skeleton_trace_desc *desc, float pixel,
                                                         conemap_effects *e) {
-    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_CURVED;
     const unsigned far_away = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE;
     const unsigned own = CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_TWO_SIDED; /* needs other things than in conemap_shade */
     const conemap_gradient none = {0.0f, 0.0f, 0.0f, 0.0f};
     const unsigned flags = e->flags;
     conemap_result result;
-    if ((flags & never) || desc->any_hit || ((flags & far_away) && !desc->map) ||
+    if ((flags & never) || desc->any_hit || ((flags & (far_away | CONEMAP_EFFECT_HOLES)) && !desc->map) ||
         ((flags & CONEMAP_EFFECT_OCCLUSION) && (!desc->map || desc->march != CONEMAP_MARCH_CONES)))
         return CONEMAP_ERROR_UNSUPPORTED;
-    if ((flags & (far_away | CONEMAP_EFFECT_UV)) && !conemap__in_range(pixel, 0.0f, 1e18f)) return CONEMAP_ERROR_PARAMETER;
+    if ((flags & (far_away | CONEMAP_EFFECT_UV)) && !conemap__in_range(pixel, 0.0f, 1e18f))
+        return CONEMAP_ERROR_PARAMETER;
     if ((flags & CONEMAP_EFFECT_LOD) && (!conemap__in_range(e->lod_bias, -16.0f, 16.0f) || e->lod_steps < 0 ||
                                          e->lod_steps > (1 << 30)))
         return CONEMAP_ERROR_PARAMETER;
@@ -16776,7 +16889,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
     conemap_effects e;
     conemap__sight sight;
     conemap_result result = conemap_skeleton_trace(skeleton, desc, rays, hits, !effects || !effects->flags ? count : 0);
-    int far_away, k;
+    int altered, k;
     if (!effects || !effects->flags || result != CONEMAP_OK) return result;
     if ((!rays || !hits || !shadings) && count != 0) return CONEMAP_ERROR_NULL;
     if (count < 0) return CONEMAP_ERROR_PARAMETER;
@@ -16786,7 +16899,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
     e = *effects;
     result = conemap__resolve_skeleton_effects(&resolved, pixel, &e);
     if (result != CONEMAP_OK) return result;
-    far_away = (e.flags & (CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)) != 0;
+    altered = (e.flags & (CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_HOLES)) != 0;
     sight.e = &e;
     sight.pixel = pixel;
     sight.given = NULL;
@@ -16798,7 +16911,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
             if (result == CONEMAP_OK) result = ray_result;
             continue;
         }
-        found = conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], far_away ? &sight : NULL, &hits[k]);
+        found = conemap__trace_skeleton_ray(skeleton, &resolved, &rays[k], altered ? &sight : NULL, &hits[k]);
         if (hits[k].status == CONEMAP_HIT)
             conemap__shade_segment(skeleton, &resolved, &e, pixel, &rays[k], &found, &hits[k], &shadings[k]);
     }

@@ -67,10 +67,10 @@ static conemap_ray ray_to(const float *from, const float *to)
 
 static void bad_input(void)
 {
-    enum { CASES = 24 };
+    enum { CASES = 27 };
     static const unsigned refused[] = {
         CONEMAP_EFFECT_CLIP,
-        CONEMAP_EFFECT_HOLES,
+        CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_UV,
         CONEMAP_EFFECT_CURVED,
         CONEMAP_EFFECT_ALL_BITS + 1,
         CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL,
@@ -96,7 +96,7 @@ static void bad_input(void)
         const conemap_skeleton_trace_desc whole = trace;
         conemap_result wanted = CONEMAP_ERROR_UNSUPPORTED, got;
         float pixel = 0.01f;
-        const int plain = k >= 7 && k <= 9;
+        const int plain = (k >= 7 && k <= 9) || k == 24;
         e = good;
         if (k < 7) e.flags = refused[k];
         if (k >= 7) wanted = CONEMAP_ERROR_PARAMETER;
@@ -156,6 +156,17 @@ static void bad_input(void)
         case 23:
             trace.march = CONEMAP_MARCH_COUNT;
             wanted = CONEMAP_ERROR_ENUM;
+            break;
+        case 24: e.flags = CONEMAP_EFFECT_HOLES; break;
+        case 25:
+            e.flags = CONEMAP_EFFECT_HOLES;
+            wanted = CONEMAP_ERROR_NULL;
+            break;
+        case 26:
+            e.flags = CONEMAP_EFFECT_HOLES;
+            e.alpha = (const unsigned char *)map.heights;
+            e.alpha_stride = SIDE - 1;
+            wanted = CONEMAP_ERROR_STRIDE;
             break;
         default: break;
         }
@@ -437,7 +448,85 @@ static void footprints(void)
     CHECK(seen > 100, "%d seen", seen);
 }
 
+/* A hollow post of which every other eighth is open: rays meet the near wall, the far one from within, or none. */
+static void holes(void)
+{
+    struct zoo_random random = zoo_seed(8);
+    static unsigned char alpha[SIDE * SIDE];
+    conemap_skeleton_trace_desc trace;
+    conemap_effects e;
+    conemap_map map;
+    struct posts posts;
+    int n, counts[3] = {0, 0, 0};
+    for (n = 0; n < SIDE * SIDE; ++n) alpha[n] = n % SIDE / 4 % 2 ? 0 : 255;
+    memset(&trace, 0, sizeof trace);
+    memset(&e, 0, sizeof e);
+    trace.map = &map;
+    e.flags = CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_TWO_SIDED | CONEMAP_EFFECT_SHADOW;
+    e.alpha = alpha;
+    e.light[1] = 1e-3f;
+    if (!make_map(0, &map)) return;
+    for (n = 0; n < 900; ++n) {
+        const float from[3] = {zoo_between(&random, -4, 4), 2.0f, -9}, to[3] = {zoo_between(&random, -0.9f, 0.9f), 2.01f, 0};
+        const float light[3] = {zoo_between(&random, -1, 1), 0, zoo_between(&random, -1, 1)};
+        conemap_ray ray = ray_to(from, to);
+        conemap_skeleton_hit hit;
+        conemap_shading s;
+        float span[2], uvw[2][3], place[3], facing = 0.0f;
+        int open[2], k, c, wanted, near_edge = 0;
+        if (n % 300 == 0) { /* a thin shell, none, and by steps */
+            if (n > 0) conemap_skeleton_free(&posts.skeleton);
+            if (!make_posts(&posts, 1, 0.0f, 1.0f, n == 300 ? 0.0f : 0.002f)) return;
+            posts.skeleton.build.frusta[0].u_repeat = 1;
+            if (n == 600) trace.march = CONEMAP_MARCH_STEPS;
+        }
+        memcpy(e.light, light, sizeof light);
+        conemap_frustum_span(posts.skeleton.frusta, 0.0f, &ray, span);
+        for (k = 0; k < 2; ++k) {
+            for (c = 0; c < 3; ++c) place[c] = ray.origin[c] + span[k] * ray.direction[c];
+            conemap_frustum_uvw(posts.skeleton.frusta, place, uvw[k]);
+            open[k] = (int)(uvw[k][0] * 8.0f) % 2;
+            near_edge |= fabsf(uvw[k][0] * 8.0f - floorf(uvw[k][0] * 8.0f + 0.5f)) < 0.05f;
+        }
+        if (near_edge) continue;
+        wanted = !open[0] ? 0 : !open[1] ? 1 : 2;
+        CHECK(conemap_skeleton_shade(&posts.skeleton, &trace, &e, 0, &ray, &hit, &s, 1) == CONEMAP_OK, "shade");
+        ++counts[wanted];
+        CHECK((hit.status == CONEMAP_HIT) == (wanted < 2), "%d, status %d", wanted, (int)hit.status);
+        if (wanted == 2 || hit.status != CONEMAP_HIT) continue;
+        CHECK(hit.inside == wanted && fabsf(hit.t - span[wanted]) < 0.02f, "%d: %g, not %g", wanted, (double)hit.t,
+              (double)span[wanted]);
+        for (k = 0; k < 3; ++k) facing += s.normal[k] * ray.direction[k];
+        CHECK(facing < 0.1f, "the normal looks away: %g", (double)facing);
+        /* A light level with it reaches the place from within through a hole, from without past the post's side. */
+        {
+            conemap_ray way;
+            float between[3], u = 0.0f;
+            memset(&way, 0, sizeof way);
+            for (k = 0; k < 3; ++k) {
+                way.direction[k] = light[k];
+                way.origin[k] = hit.position[k] - 0.01f * (k == 1 ? 0.0f : hit.position[k]) * (wanted ? 1.0f : -1.0f);
+                facing += light[k] * (k == 1 ? 0.0f : hit.position[k]) * (wanted ? -1.0f : 1.0f);
+            }
+            facing = (light[0] * hit.position[0] + light[2] * hit.position[2]) * (wanted ? -1.0f : 1.0f);
+            if (fabsf(facing) < 0.2f) continue;
+            conemap_frustum_span(posts.skeleton.frusta, 0.0f, &way, span);
+            for (k = 0; k < 3; ++k) between[k] = way.origin[k] + span[1] * light[k];
+            conemap_frustum_uvw(posts.skeleton.frusta, between, uvw[0]);
+            u = uvw[0][0] * 8.0f;
+            if (wanted == 1 && facing > 0.0f && fabsf(u - floorf(u + 0.5f)) > 0.05f)
+                CHECK(s.shadow == ((int)u % 2 ? 1.0f : 0.0f), "within, u %g: %g", (double)u, (double)s.shadow);
+            if (wanted == 0 && facing > 0.0f) CHECK(s.shadow == 1.0f, "without: %g", (double)s.shadow);
+            if (wanted == 1 && facing < 0.0f) CHECK(s.shadow == 0.0f, "through the wall: %g", (double)s.shadow);
+        }
+    }
+    CHECK(counts[0] > 100 && counts[1] > 50 && counts[2] > 50, "%d near, %d far, %d through", counts[0], counts[1], counts[2]);
+    conemap_free(&map);
+    conemap_skeleton_free(&posts.skeleton);
+}
+
 const struct test_case frusta_effects_tests[] = {
     {"bad input", bad_input}, {"light and sky", light_and_sky}, {"relief shadows", relief_shadows},
-    {"distance", distance},   {"footprints", footprints},       {NULL, NULL},
+    {"distance", distance},   {"footprints", footprints},       {"holes", holes},
+    {NULL, NULL},
 };

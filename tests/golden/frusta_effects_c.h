@@ -15,6 +15,7 @@ typedef struct feffects_vec2 {
 
 feffects_ivec4 feffects_rows(int frustum, int row);
 feffects_vec2 feffects_fetch(int i, int j);
+float feffects_alpha(int i, int j);
 
 typedef struct feffects_vec3 {
     float x, y, z;
@@ -45,6 +46,7 @@ typedef struct feffects_frusta_effects {
     feffects_vec4 clip_z, clip_w; // rows of the matrix: clip z and w of (position, 1)
     feffects_vec4 light; // towards the light, 0; or its position, 1
     int first, count; // frusta that throw shadows
+    float alpha_cut; // texels below it are holes
     float pixel; // how wide a pixel is at distance 1 from the eye; of parallel rays, anywhere
     float fade_begin, fade_end; // pixels that the shell is thick
 } feffects_frusta_effects;
@@ -328,6 +330,12 @@ static feffects_vec2 feffects_relief(feffects_frustum f, float u, float v) {
     return feffects_make_vec2(height, cone);
 }
 
+static bool feffects_over_hole(feffects_frustum f, feffects_uvw at, float alpha_cut) {
+    feffects_vec2 p = feffects_texels(f, at.u, at.v);
+    int i = (int)(floorf(p.x + 0.5f)), j = (int)(floorf(p.y + 0.5f));
+    return feffects_alpha(feffects_repeat(i, 64), feffects_repeat(j, 48)) < alpha_cut;
+}
+
 // How fast the map's place changes at most, from t to t_end.
 static float feffects_map_speed(feffects_frustum f, feffects_shell s, feffects_vec3 o, feffects_vec3 v, float t, float t_end) {
     feffects_vec3 p = feffects_along(o, v, fminf(fmaxf(s.nearest, t), t_end));
@@ -339,15 +347,16 @@ static float feffects_map_speed(feffects_frustum f, feffects_shell s, feffects_v
 }
 
 // How far the ray is above the relief at t, in heights.
-static float feffects_above(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, float t) {
+static float feffects_above(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, float t, float alpha_cut) {
     feffects_uvw at = feffects_locate(f, feffects_along(o, v, t));
+    if (feffects_over_hole(f, at, alpha_cut)) return 1.0f;
     return at.w - feffects_relief(f, at.u, at.v).x;
 }
 
 // Cone steps, none shorter than one of 256 equal ones, then halvings: t where the ray meets the relief in a range
 // of t, at its end if `solid`; 1e30: it does not. The ray is g above the cone's apex, in the world's units, and
 // meets nothing while g + g' t > thickness speed t / tangent.
-static float feffects_march(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, feffects_vec2 range, bool solid) {
+static float feffects_march(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, feffects_vec2 range, bool solid, float alpha_cut) {
     float before = range.x, t = range.x;
     bool met = false;
     float least = (range.y - range.x) / (float)(256);
@@ -357,6 +366,7 @@ static float feffects_march(feffects_frustum f, feffects_vec3 o, feffects_vec3 v
         feffects_uvw at = feffects_locate(f, feffects_along(o, v, t));
         feffects_vec2 relief = feffects_relief(f, at.u, at.v);
         met = at.w <= relief.x || (solid && t >= range.y);
+        met = met && !feffects_over_hole(f, at, alpha_cut);
         if (met || t >= range.y) break;
         float apex = relief.x + 1.0f / 1048576.0f, g = (at.w - apex) * at.thickness;
         float slope = at.sine * v.x + at.cosine * v.z - (f.radii.y + f.radii.w * apex) * v.y;
@@ -368,7 +378,7 @@ static float feffects_march(feffects_frustum f, feffects_vec3 o, feffects_vec3 v
     }
     for (int n = 0; met && n < 10; ++n) {
         float middle = 0.5f * (before + t);
-        bool over = feffects_above(f, o, v, middle) > 0.0f;
+        bool over = feffects_above(f, o, v, middle, alpha_cut) > 0.0f;
         before = over ? middle : before;
         t = over ? t : middle;
     }
@@ -376,15 +386,20 @@ static float feffects_march(feffects_frustum f, feffects_vec3 o, feffects_vec3 v
 }
 
 // t where a ray of the frame meets the frustum's relief, 1e30 where it does not, and the face; see feffects_span.
-static feffects_vec2 feffects_meet(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, float t_min, float t_max) {
+static feffects_vec2 feffects_meet(feffects_frustum f, feffects_vec3 o, feffects_vec3 v, float t_min, float t_max, float alpha_cut) {
     feffects_vec3 inner = feffects_span(f, feffects_make_vec2(f.radii.x, f.radii.y), o, v, t_min, t_max), outer = inner;
     bool solid = inner.x <= inner.y, shell = f.radii.z > 0.0f || f.radii.w > 0.0f;
     if (shell) outer = feffects_span(f, feffects_make_vec2(f.radii.x + f.radii.z, f.radii.y + f.radii.w), o, v, t_min, t_max);
     if (solid && outer.x > outer.y) outer = inner; // by rounding, where there is no shell
-    float t = outer.x <= outer.y ? outer.x : 1e30f;
-    if (shell && outer.x <= outer.y)
-        t = feffects_march(f, o, v, feffects_make_vec2(outer.x, solid ? fmaxf(inner.x, outer.x) : outer.y), solid);
-    return feffects_make_vec2(t, t > outer.x ? 0.0f : outer.z);
+    // The frustum is hollow: through a hole to the far wall, which is met from within.
+    bool core = solid && (inner.z != 0.0f || inner.x <= t_min); // there at once
+    float t = 1e30f, end = solid ? fmaxf(inner.x, outer.x) : outer.y;
+    if (outer.x <= outer.y && !core) t = feffects_march(f, o, v, feffects_make_vec2(outer.x, end), solid, alpha_cut);
+    feffects_uvw at = feffects_locate(f, feffects_along(o, v, inner.y));
+    if (t < 1e30f || !solid || at.d < 0.999f * (f.radii.x + f.radii.y * (o.y + inner.y * v.y)))
+        return feffects_make_vec2(t, t > outer.x ? 0.0f : outer.z);
+    if (!feffects_over_hole(f, at, alpha_cut)) return feffects_make_vec2(inner.y, 3.0f);
+    return feffects_make_vec2(feffects_march(f, o, v, feffects_make_vec2(inner.y, fmaxf(inner.y, outer.y)), false, alpha_cut), 3.0f);
 }
 
 // A gradient of the frame in the world's; with the axes divided by their lengths twice, a direction.
@@ -625,7 +640,7 @@ static float feffects_openness(feffects_frustum f, feffects_vec3 p) {
 }
 
 // The place of the world, just outside the surface, that light is looked at from.
-static feffects_vec3 feffects_lift(feffects_frustum f, feffects_vec3 p, int cap) {
+static feffects_vec3 feffects_lift(feffects_frustum f, feffects_vec3 p, int cap, bool within) {
     feffects_uvw at = feffects_locate(f, p);
     float bias = 1e-5f * at.d + 3e-7f * (fabsf(f.axis_x.w) + fabsf(f.axis_y.w) + fabsf(f.axis_z.w) + f.extent.x);
     float out_to = at.d;
@@ -633,6 +648,7 @@ static feffects_vec3 feffects_lift(feffects_frustum f, feffects_vec3 p, int cap)
         float height = feffects_relief(f, at.u, at.v).x + 1.0f / 4096.0f;
         out_to = fmaxf(out_to, f.radii.x + f.radii.y * p.y + height * at.thickness);
     }
+    if (within) out_to = fminf(at.d, f.radii.x + f.radii.y * p.y) - 2.0f * bias - at.thickness / 4096.0f;
     out_to += bias;
     if (cap == 0) p = feffects_make_vec3(at.sine * out_to, p.y, at.cosine * out_to);
     else p = feffects_along(p, feffects_unit(feffects_flat_end(f, cap)), bias + 4e-6f * (f.extent.x + f.radii.x + f.radii.z));
@@ -648,12 +664,12 @@ static feffects_vec4 feffects_light_from(feffects_vec4 light, feffects_vec3 plac
 }
 
 // Does a ray of the world meet any of `count` frusta from `first`? For shadows.
-static bool feffects_any_frusta(int first, int count, feffects_vec3 origin, feffects_vec3 direction, float t_min, float t_max, feffects_detail detail) {
+static bool feffects_any_frusta(int first, int count, feffects_vec3 origin, feffects_vec3 direction, float t_min, float t_max, feffects_detail detail, float alpha_cut) {
     bool found = false;
     for (int k = first; k < first + count && !found; ++k) {
         feffects_frustum f = feffects_load(k);
         f = feffects_flatten(f, detail.fade);
-        found = feffects_meet(f, feffects_place_into(f, origin), feffects_into(f, direction), t_min, t_max).x <= t_max;
+        found = feffects_meet(f, feffects_place_into(f, origin), feffects_into(f, direction), t_min, t_max, alpha_cut).x <= t_max;
     }
     return found;
 }
@@ -668,9 +684,9 @@ static feffects_frustum_hit feffects_finish(feffects_frusta_effects e, feffects_
     hit.fade = detail.fade;
     f = feffects_flatten(f, detail.fade);
     if (hit.cap == 0) hit.occlusion = feffects_openness(f, p);
-    feffects_vec3 place = feffects_lift(f, p, hit.cap);
+    feffects_vec3 place = feffects_lift(f, p, hit.cap, hit.inside);
     feffects_vec4 light = feffects_light_from(e.light, place);
-    bool dark = feffects_any_frusta(e.first, e.count, place, feffects_make_vec3(light.x, light.y, light.z), 0.0f, light.w, detail);
+    bool dark = feffects_any_frusta(e.first, e.count, place, feffects_make_vec3(light.x, light.y, light.z), 0.0f, light.w, detail, e.alpha_cut);
     hit.shadow = dark ? 0.0f : 1.0f;
     return hit;
 }
@@ -687,7 +703,7 @@ static feffects_frustum_hit feffects_trace_frusta(feffects_frusta_effects e, int
         feffects_vec3 o = feffects_place_into(f, origin), v = feffects_into(f, direction);
         feffects_detail detail = feffects_detail_of(e, f, o, v, feffects_make_vec2(t_min, t), feffects_make_vec2(0.0f, growth));
         f = feffects_flatten(f, detail.fade);
-        feffects_vec2 met = feffects_meet(f, o, v, t_min, t);
+        feffects_vec2 met = feffects_meet(f, o, v, t_min, t, e.alpha_cut);
         if (met.x < t || (nearest < 0 && met.x <= t)) {
             t = met.x;
             nearest = k;
@@ -700,7 +716,7 @@ static feffects_frustum_hit feffects_trace_frusta(feffects_frusta_effects e, int
         feffects_detail detail = feffects_detail_of(e, f, o, v, feffects_make_vec2(t_min, t), feffects_make_vec2(0.0f, growth));
         hit = feffects_surface(f, nearest, p, face);
         hit.t = t;
-        hit.inside = t <= t_min;
+        hit.inside = t <= t_min || face == 3;
         float width = growth * t;
         hit = feffects_finish(e, hit, f, p, direction, width, detail);
     }
@@ -725,13 +741,13 @@ static feffects_frustum_hit feffects_see_frustum(feffects_frusta_effects e, int 
     }
     v = feffects_unit(v);
     feffects_detail detail = feffects_detail_of(e, f, place, v, feffects_make_vec2(-back, 1e30f), pixel);
-    feffects_vec2 met = feffects_meet(feffects_flatten(f, detail.fade), place, v, -back, 1e30f);
+    feffects_vec2 met = feffects_meet(feffects_flatten(f, detail.fade), place, v, -back, 1e30f, e.alpha_cut);
     if (met.x < 1e30f) {
         feffects_vec3 p = feffects_along(place, v, met.x);
         hit = feffects_surface(f, frustum, p, (int)(met.y));
         feffects_vec3 way = feffects_make_vec3(hit.position.x - eye.x, hit.position.y - eye.y, hit.position.z - eye.z);
         hit.t = eye.w != 0.0f ? sqrtf(way.x * way.x + way.y * way.y + way.z * way.z) : met.x;
-        hit.inside = met.x <= -back;
+        hit.inside = met.x <= -back || (int)(met.y) == 3;
         feffects_vec3 direction = eye.w != 0.0f ? way : feffects_make_vec3(eye.x, eye.y, eye.z);
         float width = pixel.x + pixel.y * met.x;
         hit = feffects_finish(e, hit, f, p, direction, width, detail);

@@ -165,7 +165,9 @@ static void set_effects(GLuint p, const conemap_effects *e, float pixel, int cou
     gl.Uniform1i(gl.GetUniformLocation(p, "conemap_settings.lod_steps"), e->lod_steps);
     gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.fade_begin"), e->fade_begin);
     gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.fade_end"), e->fade_end);
+    gl.Uniform1f(gl.GetUniformLocation(p, "conemap_settings.alpha_cut"), 127.5f / 255);
     gl.Uniform1i(gl.GetUniformLocation(p, "conemap_colors"), 3);
+    gl.Uniform1i(gl.GetUniformLocation(p, "conemap_alpha"), 4);
 }
 
 static void draw_layer(const struct scene *scene, const struct layer *layer, const struct run *r,
@@ -383,6 +385,18 @@ static void level_texture(void) {
     gl.TexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
 }
 
+/* An alpha map for the layers' maps: lozenges are holes. */
+static unsigned char lozenges[SIDE * SIDE];
+
+static void alpha_texture(void) {
+    for (int k = 0; k < SIDE * SIDE; ++k) {
+        int x = abs(k % SIDE % 32 - 16), y = abs(k / SIDE % 32 - 16);
+        lozenges[k] = x + y < 11 ? 0 : 255;
+    }
+    gl.ActiveTexture(GL_TEXTURE4);
+    texture(SIDE, SIDE, GL_R8, GL_RED, GL_UNSIGNED_BYTE, GL_NEAREST, lozenges);
+}
+
 static float level_of(const conemap_gradient *g) {
     float a = sqrtf(g->dudx * g->dudx + g->dvdx * g->dvdx), b = sqrtf(g->dudy * g->dudy + g->dvdy * g->dvdy);
     float level = log2f(64 * (a > b ? a : b));
@@ -416,6 +430,7 @@ static void compare_effects(const struct scene *scene, unsigned flags, int *pixe
     memset(&trace, 0, sizeof trace);
     flags |= CONEMAP_EFFECT_DEPTH;
     e.flags = flags;
+    e.alpha = lozenges;
     e.light[0] = scene->sun.x;
     e.light[1] = scene->sun.y;
     e.light[2] = scene->sun.z;
@@ -504,12 +519,12 @@ static int make_scene(const char *model, struct scene *scene) {
 
 /* Every effect, pairs of them, and two sets that have all. */
 static void effects(const char *folder) {
-    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED;
+    const unsigned never = CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_CURVED;
     const unsigned normals = CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL;
     const unsigned shadows = CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW;
     const unsigned skies = CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY, all = CONEMAP_EFFECT_ALL_BITS & ~never;
-    /* Pairs of these are not run: depth is always there, and the others touch nothing that another reads. */
-    const unsigned quiet = CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_TWO_SIDED;
+    /* Pairs of these are not run: depth is always there, and position touches nothing that another reads. */
+    const unsigned quiet = CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_POSITION;
     struct scene scene;
     int pixels = 0, sets = 0;
     if (!make_scene("saguaro", &scene)) return;
@@ -517,6 +532,7 @@ static void effects(const char *folder) {
     context(0);
     targets(SMALL_WIDTH, SMALL_HEIGHT, 5);
     level_texture();
+    alpha_texture();
     gl.Viewport(0, 0, SMALL_WIDTH, SMALL_HEIGHT);
     gl.Enable(GL_DEPTH_TEST);
     gl.Enable(GL_CULL_FACE);
@@ -581,7 +597,7 @@ int main(int argc, char **argv) {
     }
     for (int k = 0; k < (int)(sizeof names / sizeof names[0]); ++k) {
         struct run r = fresh("*", CONEMAP_GLSL_430, CONEMAP_FRUSTA_BUFFER);
-        if (make_scene(names[k], &scene)) compare(&scene, names[k], &r, k < 3 ? 320 : 200, k < 3 ? 240 : 150, folder);
+        if (make_scene(names[k], &scene)) compare(&scene, names[k], &r, k < 3 ? 400 : 240, k < 3 ? 300 : 180, folder);
     }
     effects(folder);
     return failures != 0;

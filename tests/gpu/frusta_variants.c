@@ -18,7 +18,7 @@ static const struct option options[] = {
 enum { OPTIONS = sizeof options / sizeof options[0] };
 
 /* Of the last option: none, all but those that another is instead of, those, some. */
-static const unsigned effects_of[5] = {0, 0x5778, 0x68f8, CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE,
+static const unsigned effects_of[5] = {0, 0x577a, 0x6afa, CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE,
                                        CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_UV};
 static unsigned chosen_effects; /* not 0: instead of the option's */
 
@@ -71,7 +71,7 @@ static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const i
     if (choice[k++] || dialect == CONEMAP_C99) d->fetch_frusta = "host_rows";
     d->depth_bound = (conemap_depth_bound)choice[k++];
     d->flags = chosen_effects ? chosen_effects : effects_of[choice[k++]];
-    if (!d->relief) d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION);
+    if (!d->relief) d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_HOLES);
 }
 
 /* The same in WGSL and MSL, where a host that fetches has a struct around all. */
@@ -185,6 +185,9 @@ static void wrap(const conemap_frusta_shader_desc *d)
     if (d->shade)
         at += sprintf(at, "%s host_shade(%s_frustum_hit hit) {\n    return %s(hit.position, 1.0);\n}\n", vec4, prefix, vec4);
     if (d->fetch && d->relief) {
+        if (d->flags & CONEMAP_EFFECT_HOLES)
+            at += sprintf(at, "float %s_alpha(int i, int j) {\n    return 0.1%s * %s(i + j);\n}\n", prefix, c ? "f" : "",
+                          c ? "(float)" : "float");
         if (c && cones)
             at += sprintf(at, "%s_vec2 host_fetch(int i, int j) {\n    %s_vec2 v;\n    v.x = v.y = (float)(i + j);\n    "
                               "return v;\n}\n",
