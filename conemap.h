@@ -844,8 +844,8 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    for; and the depth. Fragments that hit nothing are discarded.
 
    COMPUTE with effects has the same uniforms and reads eight float4 a ray: origin and t_min, direction and t_max,
-   tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the depth
-   as the first number of one more. Its buffers follow the textures and Vulkan's block.
+   tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the
+   depth as the first number of one more. Its buffers follow the textures and Vulkan's block.
    ====================================================================================================== */
 
 typedef enum conemap_dialect {
