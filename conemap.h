@@ -849,8 +849,9 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
    for; and the depth. Fragments that hit nothing are discarded.
 
    COMPUTE with effects has the same uniforms and reads eight float4 a ray: origin and t_min, direction and t_max,
-   tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the depth
-   as the first number of one more. Its buffers follow the textures and Vulkan's block. WGSL and MSL lack it: UNSUPPORTED.
+   tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the
+   depth as the first number of one more. Its buffers follow the textures and Vulkan's block. WGSL and MSL lack it:
+   UNSUPPORTED.
 
    WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the
    order of the text.
@@ -14981,8 +14982,7 @@ static void conemap__frusta_effect_pieces(conemap__emitter *e, int next, int con
     if (f[conemap__flag_host])
         conemap__append(out, size, "conemap_alpha($I, $J)");
     else
-        conemap__read_texture(e, out, "conemap_alpha", hlsl ? ".Load" : "texelFetch(",
-                              hlsl ? "(int3($I, $J, 0))" : ", ivec2($I, $J), 0)", ".r");
+        conemap__read_texel(e, out, "conemap_alpha", "$I", "$J", NULL, "0", ".r");
     conemap__place_resource(e, "ALPHA_LAYOUT", 't', next);
     next += holes && !f[conemap__flag_host];
     conemap__piece_set(e, "STEPS", 0, capped ? "cap" : "$CAP");

@@ -540,6 +540,50 @@ static void curved(void)
     CHECK(dark > 50 && lit > 50, "%d dark, %d lit", dark, lit);
 }
 
+/* Bent rays, and shadows from where they hit, by the cones of their sectors: the same answers in fewer steps. */
+static void sectors(void)
+{
+    static const int counts[3] = {0, 4, 8};
+    struct zoo_random random = zoo_seed(31);
+    struct scene s[3];
+    int k, n, steps[3] = {0, 0, 0}, hits = 0;
+    for (k = 0; k < 3; ++k) {
+        conemap_desc desc;
+        memset(&desc, 0, sizeof desc);
+        desc.texture.sectors = counts[k];
+        if (!scene_make(&s[k], ZOO_FBM, 40, 28, CONEMAP_WRAP, 7, &desc)) return;
+    }
+    for (n = 0; n < 300; ++n) {
+        conemap_frame f;
+        conemap_effects e;
+        conemap_ray ray;
+        conemap_hit hit[3];
+        conemap_shading shading[3];
+        memset(&e, 0, sizeof e);
+        random_frame(&random, 1, &f);
+        f.curvature[0] = f.curvature[2] = 0.5f;
+        random_world_ray(&random, &f, &ray);
+        e.flags = CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_SHADOW;
+        e.frames = &f;
+        e.light[0] = signed_unit(&random), e.light[1] = signed_unit(&random), e.light[2] = 0.4f;
+        for (k = 0; k < 3; ++k) {
+            shading[k].shadow = 0.0f;
+            REQUIRE(conemap_shade(&s[k].map, NULL, &e, &ray, &hit[k], &shading[k], 1) == CONEMAP_OK, "shade");
+            steps[k] += hit[k].steps;
+        }
+        hits += hit[0].status == CONEMAP_HIT;
+        for (k = 1; k < 3; ++k)
+            CHECK(hit[k].status == hit[0].status && shading[k].shadow == shading[0].shadow &&
+                      (hit[0].status != CONEMAP_HIT || fabsf(hit[k].t - hit[0].t) < 1e-5f),
+                  "ray %d, %d sectors: status %d, at %g, shadow %g; right %d, %g, %g", n, counts[k], (int)hit[k].status,
+                  (double)hit[k].t, (double)shading[k].shadow, (int)hit[0].status, (double)hit[0].t,
+                  (double)shading[0].shadow);
+    }
+    CHECK(hits > 150 && steps[1] < steps[0] && steps[2] < steps[1], "%d hits; steps %d, 4 sectors %d, 8 sectors %d", hits,
+          steps[0], steps[1], steps[2]);
+    for (k = 0; k < 3; ++k) scene_free(&s[k]);
+}
+
 static void blended_levels(void)
 {
     struct zoo_random random = zoo_seed(7);
@@ -1702,6 +1746,7 @@ const struct test_case effects_tests[] = {
     {"depth", depths},
     {"slopes", slopes},
     {"curved", curved},
+    {"sectors", sectors},
     {"blended levels", blended_levels},
     {"levels to one texel", levels_to_one_texel},
     {"holes", holes},

@@ -156,11 +156,11 @@ static inline int shade_on_edge(const conemap_map *map, const conemap_trace_desc
                                 const struct shade_answer *answer, struct zoo_random *random)
 {
     int tries, axis;
-    for (tries = 0; tries < 90; ++tries) {
+    for (tries = 0; tries < 400; ++tries) {
         conemap_ray beside = job->ray;
         conemap_hit hit;
         conemap_shading s;
-        const float hair = tries < 30 ? 1e-5f : tries < 60 ? 1e-4f : 1e-3f;
+        const float hair = tries < 100 ? 1e-5f : tries < 250 ? 1e-4f : 1e-3f;
         memset(&s, 0, sizeof s);
         for (axis = 0; axis < 3; ++axis) beside.origin[axis] += hair * shade_signed(random);
         conemap_shade(map, trace, &job->e, &beside, &hit, &s, 1);

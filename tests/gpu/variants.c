@@ -373,8 +373,8 @@ static void wrap(const conemap_shader_desc *d)
                     "return v;\n}\n",
                     prefix, index, slice, prefix, level[0] ? " + (float)level" : "", d->array ? " + (float)slice" : "");
         else if (c)
-            sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s;\n}\n", index, slice,
-                    d->array ? " + (float)slice" : "");
+            sprintf(line, "float host_fetch(%s%s) {\n    return (float)i + (float)j%s%s;\n}\n", index, slice,
+                    d->array ? " + (float)slice" : "", level[0] ? " + (float)level" : "");
         else if (heights)
             sprintf(line, "float host_fetch(%s%s) {\n    return 0.01 * float(i + j)%s;\n}\n", index, slice,
                     d->array ? " * float(slice)" : "");
@@ -383,9 +383,9 @@ static void wrap(const conemap_shader_desc *d)
                     slice, two, d->array ? " * float(slice)" : "");
         put(line);
         if (cones && heights) {
-            sprintf(line, "float host_cones(%s, int sector%s) {\n    return %s(%ssector + 1%s);\n}\n", index, slice,
+            sprintf(line, "float host_cones(%s, int sector%s) {\n    return %s(%ssector + 1%s%s);\n}\n", index, slice,
                     c ? "(float)" : "float", d->filter == CONEMAP_FILTER_HARDWARE ? "(i > j ? 1 : 0) + " : "i + j + ",
-                    d->array ? " + slice" : "");
+                    d->array ? " + slice" : "", level[0] ? " + level" : "");
             put(line);
         }
         if (blocks) {
