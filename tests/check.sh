@@ -388,7 +388,7 @@ need "shaders in C" gcc && part "shaders in C" shaders c
 need "shaders in GLSL" gcc glslangValidator spirv-val && part "shaders in GLSL" shaders glsl
 need "frusta shaders in C" gcc && part "frusta shaders in C" shaders c frusta_variants
 need "frusta shaders in GLSL" gcc glslangValidator spirv-val && part "frusta shaders in GLSL" shaders glsl frusta_variants
-need "shaders in MSL" gcc clang++ && part "shaders in MSL" shaders msl
+need "shaders in MSL" gcc clang++ && SHADER_SAMPLES=150 part "shaders in MSL" shaders msl
 need "frusta shaders in MSL" gcc clang++ && SHADER_SAMPLES=100 part "frusta shaders in MSL" shaders msl frusta_variants
 # MSL is run as C++, with tests/gpu/metal_stdlib in Metal's place.
 metal() {
@@ -423,7 +423,7 @@ case "frusta shaders in WGSL, run" in
 *"$only"*)
     if need "shaders in WGSL" gcc node npm; then
         if modules; then
-            part "shaders in WGSL" shaders wgsl
+            SHADER_SAMPLES=150 part "shaders in WGSL" shaders wgsl
             SHADER_SAMPLES=100 part "frusta shaders in WGSL" shaders wgsl frusta_variants
             if [ -f "$swiftshader" ]; then
                 part "shaders in WGSL, run" webgpu

@@ -1044,6 +1044,13 @@ static void bad_input(void)
         CHECK(conemap_emit_frusta(&desc, text, sizeof text, &size) == cases[k].result && size == 1 && !text[0],
               "%s: %s", cases[k].what, conemap_result_string(conemap_emit_frusta(&desc, NULL, 0, &size)));
     }
+    for (k = CONEMAP_WGSL; k <= CONEMAP_MSL; ++k) {
+        desc = good;
+        desc.dialect = (conemap_dialect)k;
+        CHECK(conemap_emit_frusta(&desc, NULL, 0, &size) == CONEMAP_OK, "dialect %d", k);
+        desc.source = CONEMAP_FRUSTA_TEXELS;
+        CHECK(conemap_emit_frusta(&desc, NULL, 0, &size) == CONEMAP_ERROR_UNSUPPORTED, "texels in dialect %d", k);
+    }
     CHECK(conemap_emit_frusta(NULL, text, sizeof text, &size) == CONEMAP_ERROR_NULL, "desc");
     CHECK(conemap_emit_frusta(&good, NULL, 0, NULL) == CONEMAP_ERROR_NULL, "both");
     REQUIRE(conemap_emit_frusta(&good, NULL, 0, &size) == CONEMAP_OK, "size");
