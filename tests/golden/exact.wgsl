@@ -1,18 +1,9 @@
-// conemap.h: exact tracer.
-// conemap_trace(origin, direction): the first hit of a ray with the relief.
-// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.
+// conemap.h: exact tracer. A ray lives in the unit box over the map: u, v, z; t counts in lengths of its direction.
+// conemap_trace(origin, direction): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.
 // conemap_map: rg32f, height and tan of the cone; only fetched
-
 @group(0) @binding(0) var conemap_map: texture_2d<f32>;
 
-struct conemap_hit {
-    found: bool,
-    t: f32,       // in lengths of the direction
-    position: vec3f, // u, v, z; u and v are not wrapped
-}
-
-// Narrows a range of t to where low <= o + v t <= high.
-fn conemap_clip(range: vec2f, o: f32, v: f32, low: f32, high: f32) -> vec2f {
+fn conemap_clip(range: vec2f, o: f32, v: f32, low: f32, high: f32) -> vec2f { // of t: low <= o + v t <= high
     let a = (low - o) / v;
     let b = (high - o) / v;
     if (v == 0.0) { return vec2f(range.x, select(-1e30, range.y, o >= low && o <= high)); }
@@ -23,14 +14,7 @@ fn conemap_texel(i: i32, j: i32, size: vec2i) -> vec2f {
     return textureLoad(conemap_map, vec2i(clamp(i, 0, size.x - 1), clamp(j, 0, size.y - 1)), 0).rg;
 }
 
-fn conemap_mix(h: vec4f, x: f32, y: f32) -> f32 {
-    let low = h.x + (h.y - h.x) * x;
-    let high = h.z + (h.w - h.z) * x;
-    return low + (high - low) * y;
-}
-
-// First t in 0..end at which a ray meets a bilinear patch, from (x, y) with clearance c, or -1. Along the
-// ray the clearance is c + b t + a t t, solved in the form that does not cancel.
+// First t in 0..end at which a ray from (x, y), c above a bilinear patch, meets it, or -1: a root of c + b t + a t t.
 fn conemap_patch_hit(h: vec4f, x: f32, y: f32, c: f32, v: vec3f, end: f32) -> f32 {
     let hx = h.y - h.x;
     let hy = h.z - h.x;
@@ -44,7 +28,7 @@ fn conemap_patch_hit(h: vec4f, x: f32, y: f32, c: f32, v: vec3f, end: f32) -> f3
 }
 
 // Cone steps; in every cell that the ray enters it is met with the bilinear patch itself.
-fn conemap_trace(origin: vec3f, direction: vec3f) -> conemap_hit {
+fn conemap_trace(origin: vec3f, direction: vec3f) -> vec4f {
     let size = vec2i(textureDimensions(conemap_map));
     var range = conemap_clip(vec2f(0.0, 1e30), origin.z, direction.z, 0.0, 1.0); // of t over the map
     let ground = select(2e30, range.y, direction.z < 0.0); // who gets there has hit: no height is below
@@ -64,37 +48,31 @@ fn conemap_trace(origin: vec3f, direction: vec3f) -> conemap_hit {
     let speed = sqrt(direction.x * direction.x + direction.y * direction.y);
     var done = range.x > range.y;
     for (; !done && steps < 4 * (size.x + size.y); steps++) {
-        // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+        x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
         i += si * i32(floor(x)); x -= floor(x); j += sj * i32(floor(y)); y -= floor(y);
         let a = conemap_texel(i, j, size);
         let b = conemap_texel(i + si, j, size);
         let c = conemap_texel(i, j + sj, size);
         let d = conemap_texel(i + si, j + sj, size);
-        let heights = vec4f(a.x, b.x, c.x, d.x);
-        let height = conemap_mix(heights, x, y);
-        let cone = conemap_mix(vec4f(a.y, b.y, c.y, d.y), x, y);
+        let low = a + (b - a) * x;
+        let high = c + (d - c) * x;
+        let here = low + (high - low) * y; // height and cone
         let leave = min((1.000001 - x) / v.x, (1.000001 - y) / v.y);
         let left = range.y - t; // just over the border
-        hit = conemap_patch_hit(heights, x, y, z - height, v, min(leave, left));
-        let gap = z - height - 1.0 / 1048576.0; // the apex is raised by more than its rounding
-        let closing = speed - cone * v.z;
-        dt = max(leave, select(select(1e30, cone * gap / closing, closing > 0.0), 0.0, gap <= 0.0));
+        hit = conemap_patch_hit(vec4f(a.x, b.x, c.x, d.x), x, y, z - here.x, v, min(leave, left));
+        let gap = z - here.x - 1.0 / 1048576.0;
+        let closing = speed - here.y * v.z; // to an apex raised by more than rounding
+        dt = max(leave, select(select(1e30, here.y * gap / closing, closing > 0.0), 0.0, gap <= 0.0));
         done = hit >= 0.0 || dt >= left;
     }
     if (done && hit < 0.0 && range.y == ground && range.x <= range.y) { hit = range.y - t; }
-    dt = max(hit, 0.0);
-    var result: conemap_hit;
-    result.found = hit >= 0.0;
-    result.t = t + dt;
-    result.position = vec3f((f32(i) + f32(si) * (x + v.x * dt) + 0.5) / f32(size.x), (f32(j) + f32(sj) * (y + v.y * dt) + 0.5) / f32(size.y), z + v.z * dt);
-    return result;
+    return vec4f((f32(i) + f32(si) * (x + v.x * hit) + 0.5) / f32(size.x),
+                (f32(j) + f32(sj) * (y + v.y * hit) + 0.5) / f32(size.y), z + v.z * hit, select(-1.0, t + hit, hit >= 0.0));
 }
-
 
 @fragment
 fn conemap_main(@location(0) origin: vec3f, @location(1) direction: vec3f) -> @location(0) vec4f {
     let hit = conemap_trace(origin, direction);
-    if (!hit.found) { discard; }
-    return vec4f(hit.position, hit.t);
+    if (hit.w < 0.0) { discard; }
+    return hit;
 }

@@ -224,6 +224,11 @@ vec2 conemap_texel(int i, int j, ivec2 size) {
     return texelFetch(conemap_map, ivec2(conemap_repeat(i, size.x), conemap_repeat(j, size.y)), 0).rg;
 }
 
+float conemap_mix(vec4 h, float x, float y) {
+    float low = h.x + (h.y - h.x) * x, high = h.z + (h.w - h.z) * x;
+    return low + (high - low) * y;
+}
+
 // Height of the relief, and tangent of the cone there.
 vec2 conemap_relief(conemap_frustum f, float u, float v) {
     ivec2 size = textureSize(conemap_map, 0);
@@ -232,7 +237,9 @@ vec2 conemap_relief(conemap_frustum f, float u, float v) {
     float x = at.x - floor(at.x), y = at.y - floor(at.y);
     vec2 a = conemap_texel(i, j, size), b = conemap_texel(i + si, j, size);
     vec2 c = conemap_texel(i, j + sj, size), d = conemap_texel(i + si, j + sj, size);
-    vec2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height and cone
+    vec4 heights = vec4(a.x, b.x, c.x, d.x);
+    float height = conemap_mix(heights, x, y);
+    float cone = conemap_mix(vec4(a.y, b.y, c.y, d.y), x, y);
     return vec2(height, cone);
 }
 

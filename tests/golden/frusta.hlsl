@@ -232,6 +232,11 @@ float2 conemap_texel(int i, int j, int2 size) {
     return conemap_map.Load(int3(conemap_repeat(i, size.x), conemap_repeat(j, size.y), 0)).rg;
 }
 
+float conemap_mix(float4 h, float x, float y) {
+    float low = h.x + (h.y - h.x) * x, high = h.z + (h.w - h.z) * x;
+    return low + (high - low) * y;
+}
+
 // Height of the relief, and tangent of the cone there.
 float2 conemap_relief(conemap_frustum f, float u, float v) {
     int2 size = conemap_size();
@@ -240,7 +245,9 @@ float2 conemap_relief(conemap_frustum f, float u, float v) {
     float x = at.x - floor(at.x), y = at.y - floor(at.y);
     float2 a = conemap_texel(i, j, size), b = conemap_texel(i + si, j, size);
     float2 c = conemap_texel(i, j + sj, size), d = conemap_texel(i + si, j + sj, size);
-    float2 low = a + (b - a) * x, high = c + (d - c) * x, here = low + (high - low) * y; // height and cone
+    float4 heights = float4(a.x, b.x, c.x, d.x);
+    float height = conemap_mix(heights, x, y);
+    float cone = conemap_mix(float4(a.y, b.y, c.y, d.y), x, y);
     return float2(height, cone);
 }
 

@@ -1,6 +1,5 @@
-// conemap.h: quadtree displacement tracer.
-// conemap_trace(origin, direction): the first hit of a ray with the relief.
-// The ray lives in the unit box over the map: u, v, and z from 0 to 1; t counts in lengths of the direction.
+// conemap.h: quadtree displacement tracer. A ray lives in the unit box over the map: u, v, z; t counts in lengths of its direction.
+// conemap_trace(origin, direction): where a ray first hits the relief, (u, v, z, t); t is -1 if nowhere.
 // conemap_map: rg32f, height and tan of the cone; only fetched
 // conemap_maxima: maxima over bilinear cells, with all its mips; only fetched
 #include <metal_stdlib>
@@ -10,14 +9,7 @@ struct conemap_shader {
     texture2d<float> conemap_map;
     texture2d<float> conemap_maxima;
 
-    struct conemap_hit {
-        bool found;
-        float t;       // in lengths of the direction
-        float3 position; // u, v, z; u and v are not wrapped
-    };
-
-    // Narrows a range of t to where low <= o + v t <= high.
-    float2 conemap_clip(float2 range, float o, float v, float low, float high) {
+    float2 conemap_clip(float2 range, float o, float v, float low, float high) { // of t: low <= o + v t <= high
         float a = (low - o) / v, b = (high - o) / v;
         if (v == 0.0f) return float2(range.x, o >= low && o <= high ? range.y : -1e30f);
         return float2(max(range.x, min(a, b)), min(range.y, max(a, b)));
@@ -45,7 +37,7 @@ struct conemap_shader {
     }
 
     // Blocks under the ray are left behind whole, others are entered; in a cell a straight line decides.
-    conemap_hit conemap_trace(float3 origin, float3 direction) {
+    float4 conemap_trace(float3 origin, float3 direction) {
         int2 size = int2(conemap_map.get_width(), conemap_map.get_height());
         float2 range = conemap_clip(float2(0.0f, 1e30f), origin.z, direction.z, 0.0f, 1.0f); // of t over the map
         float ground = direction.z < 0.0f ? range.y : 2e30f; // who gets there has hit: no height is below
@@ -59,8 +51,7 @@ struct conemap_shader {
         float t = 0.0f, dt = range.x, hit = -1.0f;
         bool done = range.x > range.y;
         for (; !done && steps < 16 * (size.x + size.y); ++steps) {
-            // Moves on by dt. Whole cells go to i and j: x and y stay small and keep their bits.
-            x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt;
+            x += v.x * dt; y += v.y * dt; z += v.z * dt; t += dt; // whole cells go to i and j, so x and y keep their bits
             i += si * int(floor(x)); x -= floor(x); j += sj * int(floor(y)); y -= floor(y);
             int cell_u = clamp(si > 0 ? i + 1 : i, 0, cells_u - 1), cell_v = clamp(sj > 0 ? j + 1 : j, 0, cells_v - 1);
             int ahead_u = conemap_ahead(cell_u, cells_u, k, si), ahead_v = conemap_ahead(cell_v, cells_v, k, sj);
@@ -86,12 +77,8 @@ struct conemap_shader {
             k = top > 0 ? 1 : 0;
         }
         if (done && hit < 0.0f && range.y == ground && range.x <= range.y) hit = range.y - t;
-        dt = max(hit, 0.0f);
-        conemap_hit result;
-        result.found = hit >= 0.0f;
-        result.t = t + dt;
-        result.position = float3((float(i) + float(si) * (x + v.x * dt) + 0.5f) / float(size.x), (float(j) + float(sj) * (y + v.y * dt) + 0.5f) / float(size.y), z + v.z * dt);
-        return result;
+        return float4((float(i) + float(si) * (x + v.x * hit) + 0.5f) / float(size.x),
+                    (float(j) + float(sj) * (y + v.y * hit) + 0.5f) / float(size.y), z + v.z * hit, hit >= 0.0f ? t + hit : -1.0f);
     }
 
     struct conemap_arguments {
@@ -104,8 +91,7 @@ struct conemap_shader {
     void conemap_run(uint ray) {
         if (ray >= conemap_given.conemap_ray_count) return;
         float3 origin = conemap_rays[2u * ray].xyz, direction = conemap_rays[2u * ray + 1u].xyz;
-        conemap_hit hit = conemap_trace(origin, direction);
-        conemap_hits[ray] = float4(hit.position, hit.found ? hit.t : -1.0f);
+        conemap_hits[ray] = conemap_trace(origin, direction);
     }
 };
 
