@@ -230,7 +230,20 @@ static feffects_frustum feffects_flatten(feffects_frustum f, float fade) {
 typedef struct feffects_shell { // what bounds how fast the map's place changes along a ray
     float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis
     float by_v, span; // v moves at by_v / span at most: see feffects_bound_speed
+    float stretch, twist; // u at stretch times the angle and twist times v
 } feffects_shell;
+
+// With exact_u, u is the eccentric anomaly of the cut's ellipse as seen along the axis. What that is counted
+// from is e / (1 + sqrt(1 - e^2)) long, with the eccentricity e, and goes linearly with v.
+static feffects_vec2 feffects_focus(feffects_frustum f, float v) {
+    feffects_vec4 a = f.lower, b = f.upper;
+    float k = f.radii.y, share = fminf(fmaxf(v, 0.0f), 1.0f);
+    float low = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (a.x * a.x + a.y * a.y), 0.0f)));
+    float high = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (b.x * b.x + b.y * b.y), 0.0f)));
+    low *= 1.0f - share;
+    high *= share;
+    return feffects_make_vec2(low * a.x + high * b.x, low * a.y + high * b.y);
+}
 
 // The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no more
 // than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between them.
@@ -246,6 +259,16 @@ static feffects_shell feffects_bound_speed(feffects_frustum f, feffects_vec3 o, 
     s.by_v = vy + sqrtf(lower * lower + upper * upper) / (1.0f - k * n) * (sqrtf(across) + k * vy);
     s.span = fmaxf(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);
     s.span = (f.upper.z - f.lower.z - s.span * sqrtf(da * da + db * db)) / (1.0f + k * upper);
+    s.stretch = 1.0f;
+    s.twist = fabsf(f.extent.w);
+    if ((f.more.x & 64) != 0) { // exact_u
+        feffects_vec2 a = feffects_focus(f, 0.0f), b = feffects_focus(f, 1.0f);
+        float longer = sqrtf(fmaxf(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y));
+        da = b.x - a.x;
+        db = b.y - a.y;
+        s.stretch = (1.0f + longer) / (1.0f - longer);
+        s.twist += 0.318309886f * sqrtf(da * da + db * db) / (1.0f - longer);
+    }
     return s;
 }
 
@@ -274,6 +297,18 @@ static float feffects_turns(float x, float z) {
     return x < 0.0f ? 1.0f - turns : turns;
 }
 
+// u of a place in the direction (x, z), a unit, from the axis.
+static float feffects_turns_of(feffects_frustum f, float x, float z, float v) {
+    if ((f.more.x & 64) != 0) { // exact_u
+        feffects_vec2 focus = feffects_focus(f, v);
+        float gx = x - focus.x, gz = z - focus.y;
+        float along = 2.0f * (x * gx + z * gz) / fmaxf(gx * gx + gz * gz, 1e-30f);
+        x = along * gx - x;
+        z = along * gz - z;
+    }
+    return feffects_turns(x, z);
+}
+
 static feffects_uvw feffects_locate(feffects_frustum f, feffects_vec3 p) {
     feffects_uvw at;
     at.d = sqrtf(p.x * p.x + p.z * p.z);
@@ -287,7 +322,7 @@ static feffects_uvw feffects_locate(feffects_frustum f, feffects_vec3 p) {
     at.low = feffects_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0f);
     at.high = feffects_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0f);
     at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;
-    at.u = feffects_turns(p.x, p.z);
+    at.u = feffects_turns_of(f, at.sine, at.cosine, at.v);
     return at;
 }
 
@@ -341,7 +376,7 @@ static float feffects_map_speed(feffects_frustum f, feffects_shell s, feffects_v
     feffects_vec3 p = feffects_along(o, v, fminf(fmaxf(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
     float angle = s.turning / fmaxf(d2, 1e-30f), by_v = s.by_v / s.span;
-    float by_u = (angle * 0.159154943f + by_v * fabsf(f.extent.w)) * (float)(f.more.y);
+    float by_u = (s.stretch * angle * 0.159154943f + by_v * s.twist) * (float)(f.more.y);
     by_v *= fabsf(f.extent.z) * 7.5e-1f;
     return s.span > 0.0f && d2 > 0.0f ? sqrtf(by_u * by_u + by_v * by_v) : 1e30f;
 }
@@ -466,6 +501,13 @@ static feffects_uv_gradients feffects_find_gradients(feffects_frustum f, feffect
     feffects_vec3 b = feffects_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);
     g.v = feffects_make_vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,
                -(rest * a.z + at.v * b.z) / span);
+    if ((f.more.x & 64) != 0) { // exact_u
+        feffects_vec2 focus = feffects_focus(f, at.v), low = feffects_focus(f, 0.0f), high = feffects_focus(f, 1.0f);
+        float gx = at.sine - focus.x, gz = at.cosine - focus.y, way = fmaxf(gx * gx + gz * gz, 1e-30f);
+        float by_angle = (1.0f - focus.x * focus.x - focus.y * focus.y) / way;
+        float by_v = -2.0f * (gz * (high.x - low.x) - gx * (high.y - low.y)) / way;
+        g.u = feffects_make_vec3(by_angle * g.u.x + by_v * g.v.x, by_angle * g.u.y + by_v * g.v.y, by_angle * g.u.z + by_v * g.v.z);
+    }
     return g;
 }
 

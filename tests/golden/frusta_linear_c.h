@@ -237,6 +237,18 @@ static float flinear_cut(flinear_vec4 plane, float tilt, flinear_vec2 cone, floa
     return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0f - cone.y * tilt);
 }
 
+// With exact_u, u is the eccentric anomaly of the cut's ellipse as seen along the axis. What that is counted
+// from is e / (1 + sqrt(1 - e^2)) long, with the eccentricity e, and goes linearly with v.
+static flinear_vec2 flinear_focus(flinear_frustum f, float v) {
+    flinear_vec4 a = f.lower, b = f.upper;
+    float k = f.radii.y, share = fminf(fmaxf(v, 0.0f), 1.0f);
+    float low = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (a.x * a.x + a.y * a.y), 0.0f)));
+    float high = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (b.x * b.x + b.y * b.y), 0.0f)));
+    low *= 1.0f - share;
+    high *= share;
+    return flinear_make_vec2(low * a.x + high * b.x, low * a.y + high * b.y);
+}
+
 // The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.
 static float flinear_turns(float x, float z) {
     float ax = fabsf(x), az = fabsf(z), large = fmaxf(ax, az), a = large > 0.0f ? fminf(ax, az) / large : 0.0f;
@@ -247,6 +259,18 @@ static float flinear_turns(float x, float z) {
     if (ax > az) turns = 0.25f - turns;
     if (z < 0.0f) turns = 0.5f - turns;
     return x < 0.0f ? 1.0f - turns : turns;
+}
+
+// u of a place in the direction (x, z), a unit, from the axis.
+static float flinear_turns_of(flinear_frustum f, float x, float z, float v) {
+    if ((f.more.x & 64) != 0) { // exact_u
+        flinear_vec2 focus = flinear_focus(f, v);
+        float gx = x - focus.x, gz = z - focus.y;
+        float along = 2.0f * (x * gx + z * gz) / fmaxf(gx * gx + gz * gz, 1e-30f);
+        x = along * gx - x;
+        z = along * gz - z;
+    }
+    return flinear_turns(x, z);
 }
 
 static flinear_uvw flinear_locate(flinear_frustum f, flinear_vec3 p) {
@@ -262,7 +286,7 @@ static flinear_uvw flinear_locate(flinear_frustum f, flinear_vec3 p) {
     at.low = flinear_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0f);
     at.high = flinear_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0f);
     at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;
-    at.u = flinear_turns(p.x, p.z);
+    at.u = flinear_turns_of(f, at.sine, at.cosine, at.v);
     return at;
 }
 
@@ -319,6 +343,7 @@ static float flinear_relief(flinear_frustum f, float u, float v) {
 static float flinear_above(flinear_frustum f, flinear_vec3 o, flinear_vec3 v, float t, flinear_vec4 piece) {
     flinear_uvw at = flinear_locate(f, flinear_along(o, v, t));
     if (piece.y > piece.x) at.v = piece.z + (piece.w - piece.z) * ((t - piece.x) / (piece.y - piece.x));
+    at.u = flinear_turns_of(f, at.sine, at.cosine, at.v);
     return at.w - flinear_relief(f, at.u, at.v);
 }
 
@@ -400,6 +425,13 @@ static flinear_uv_gradients flinear_find_gradients(flinear_frustum f, flinear_uv
     flinear_vec3 b = flinear_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);
     g.v = flinear_make_vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,
                -(rest * a.z + at.v * b.z) / span);
+    if ((f.more.x & 64) != 0) { // exact_u
+        flinear_vec2 focus = flinear_focus(f, at.v), low = flinear_focus(f, 0.0f), high = flinear_focus(f, 1.0f);
+        float gx = at.sine - focus.x, gz = at.cosine - focus.y, way = fmaxf(gx * gx + gz * gz, 1e-30f);
+        float by_angle = (1.0f - focus.x * focus.x - focus.y * focus.y) / way;
+        float by_v = -2.0f * (gz * (high.x - low.x) - gx * (high.y - low.y)) / way;
+        g.u = flinear_make_vec3(by_angle * g.u.x + by_v * g.v.x, by_angle * g.u.y + by_v * g.v.y, by_angle * g.u.z + by_v * g.v.z);
+    }
     return g;
 }
 

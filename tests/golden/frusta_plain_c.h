@@ -198,6 +198,18 @@ static float fplain_cut(fplain_vec4 plane, float tilt, fplain_vec2 cone, float b
     return (plane.z - base + tilt * (cone.x + cone.y * base)) / (1.0f - cone.y * tilt);
 }
 
+// With exact_u, u is the eccentric anomaly of the cut's ellipse as seen along the axis. What that is counted
+// from is e / (1 + sqrt(1 - e^2)) long, with the eccentricity e, and goes linearly with v.
+static fplain_vec2 fplain_focus(fplain_frustum f, float v) {
+    fplain_vec4 a = f.lower, b = f.upper;
+    float k = f.radii.y, share = fminf(fmaxf(v, 0.0f), 1.0f);
+    float low = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (a.x * a.x + a.y * a.y), 0.0f)));
+    float high = k / (1.0f + sqrtf(fmaxf(1.0f - k * k * (b.x * b.x + b.y * b.y), 0.0f)));
+    low *= 1.0f - share;
+    high *= share;
+    return fplain_make_vec2(low * a.x + high * b.x, low * a.y + high * b.y);
+}
+
 // The angle of (x, z) in turns, 0..1: 0 along z, 1/4 along x. Within 1e-7.
 static float fplain_turns(float x, float z) {
     float ax = fabsf(x), az = fabsf(z), large = fmaxf(ax, az), a = large > 0.0f ? fminf(ax, az) / large : 0.0f;
@@ -208,6 +220,18 @@ static float fplain_turns(float x, float z) {
     if (ax > az) turns = 0.25f - turns;
     if (z < 0.0f) turns = 0.5f - turns;
     return x < 0.0f ? 1.0f - turns : turns;
+}
+
+// u of a place in the direction (x, z), a unit, from the axis.
+static float fplain_turns_of(fplain_frustum f, float x, float z, float v) {
+    if ((f.more.x & 64) != 0) { // exact_u
+        fplain_vec2 focus = fplain_focus(f, v);
+        float gx = x - focus.x, gz = z - focus.y;
+        float along = 2.0f * (x * gx + z * gz) / fmaxf(gx * gx + gz * gz, 1e-30f);
+        x = along * gx - x;
+        z = along * gz - z;
+    }
+    return fplain_turns(x, z);
 }
 
 static fplain_uvw fplain_locate(fplain_frustum f, fplain_vec3 p) {
@@ -223,7 +247,7 @@ static fplain_uvw fplain_locate(fplain_frustum f, fplain_vec3 p) {
     at.low = fplain_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0f);
     at.high = fplain_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0f);
     at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;
-    at.u = fplain_turns(p.x, p.z);
+    at.u = fplain_turns_of(f, at.sine, at.cosine, at.v);
     return at;
 }
 
