@@ -16684,7 +16684,8 @@ static conemap__detail conemap__detail_of(const conemap__sight *sight, const con
     return detail;
 }
 
-/* The frustum with its shell shrunk towards a height in it: every place keeps its u and v. */
+/* The frustum with its shell shrunk towards a height in it: every place keeps its v, and its u but for exact_u, which
+   counts by the inner cone: there u moves a little. */
 static conemap_frustum conemap__flatten(const conemap_frustum *f, float height, float fade) {
     conemap_frustum flat = *f;
     flat.r += fade * height * f->t;
