@@ -10,6 +10,7 @@ warn="-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -
 whole="tests/*.c"
 suite="-DTEST_NO_COPIES $(ls tests/*.c | grep -v /static_)" # without the private copies, which take long to compile
 strict="-ffp-contract=off"
+make -s build/written/done || exit 1 # emitted C that is among the tests
 rm -f "$work/counts" "$work/ok" "$work/failed" "$work/skipped"
 
 have() { command -v "$1" >/dev/null 2>&1; }
