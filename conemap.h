@@ -4463,8 +4463,10 @@ static void conemap__cells_row(const conemap__outlook *outlook, const conemap__b
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     int place = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell), w = info->width, x;
     int count, end, run;
-    float *known = band->plane + (size_t)place * (size_t)w, *out = band->cell_slopes + (size_t)place * (size_t)w;
+    float *known, *out;
     if (place < band->y0 || place >= band->y1 || !conemap__cell_exists(map, 0, j)) return;
+    known = band->plane + (size_t)place * (size_t)w;
+    out = band->cell_slopes + (size_t)place * (size_t)w;
     count = info->wrap_u != CONEMAP_WRAP && (info->texture.per_cell || outlook->relaxed) ? conemap__maxi(w - 1, 1) : w;
     conemap__columns(map, band->sector.number, place, &x, &end);
     end = conemap__mini(end, count);

@@ -73,8 +73,8 @@ END
 }
 sources
 
-warnings() { # COMPILER STANDARD SUFFIX: all levels for the oldest standards, one for the others
-    local f o levels=-O2
+warnings() { # COMPILER STANDARD SUFFIX: all levels for the oldest standards; for the others what the language itself warns of
+    local f o levels=-fsyntax-only
     case "$2" in c99 | c++11) levels="-O0 -O2 -O3" ;; esac
     for f in use impl static; do
         for o in $levels; do
