@@ -1164,8 +1164,7 @@ typedef struct conemap_skeleton_desc {
     int segment_count;      /* 1 or more */
     int fit;                /* nonzero: [BJCW09 section 2.2]'s fit changes a segment's base radius, by a quarter at
                                most, so that the two cuts of a joint are one ellipse; in closed form, not by rounds */
-    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere. Not
-                               yet in emitted shaders, which count by the angle */
+    int exact_u;            /* nonzero: u is counted so that both sides of a fitted joint agree in it everywhere */
     float v_per_length;     /* v for each unit of a segment's length as built, carried on from parent to child;
                                0: each segment begins at 0, and spans 1 where it says no v_size. 0 or more */
     int slope_normals;      /* 0: [BJCW09 eq. 8]; nonzero: its end normals lean with the mean slope of the two cones
@@ -11810,10 +11809,12 @@ static void conemap__turn(double turns, double *sine, double *cosine) {
    cos(angle)) around its focus, e = k n with n the plane's slope. Its eccentric anomaly E belongs to the ellipse alone,
    so another cone on the same ellipse counts the same, around whatever axis. tan(E / 2) = sqrt((1 + e) / (1 - e))
    tan(angle / 2): with unit vectors as complex numbers, E = (z - b) / (1 - conj(b) z) = conj(z) (z - b)^2 / |z - b|^2,
-   where b points up the plane and is e / (1 + sqrt(1 - e^2)) long. From one cut to the other b goes linearly with v: */
+   where b points up the plane and is e / (1 + sqrt(1 - e^2)) long. From one cut to the other b goes linearly with v,
+   and beyond them it stays. */
 static void conemap__focus(const conemap_frustum *f, double v, double b[2]) {
     double k = (double)f->k;
     int side;
+    v = conemap__clamp01(v);
     b[0] = b[1] = 0.0;
     for (side = 0; side < 2; ++side) {
         double x = (double)(side ? f->upper : f->lower)[0], z = (double)(side ? f->upper : f->lower)[1];
@@ -11979,7 +11980,7 @@ static int conemap__solid_span(const conemap_frustum *f, conemap__cone cone, con
 static double conemap__turns_of(const conemap_frustum *f, const conemap__place_uvw *at) {
     double sine = at->sine, cosine = at->cosine, b[2];
     if (f->flags & CONEMAP_FRUSTUM_EXACT_U) {
-        conemap__focus(f, conemap__clamp01(at->v), b);
+        conemap__focus(f, at->v, b);
         conemap__label(b[0], b[1], &sine, &cosine);
     }
     return conemap__turns(sine, cosine);
@@ -12164,7 +12165,7 @@ CONEMAP__DEF conemap_result conemap_frustum_point(const conemap_frustum *frustum
     conemap__turn((double)uvw[0], &sine, &cosine);
     cone = conemap__cone_at(frustum, (double)uvw[2]);
     if (frustum->flags & CONEMAP_FRUSTUM_EXACT_U) {
-        conemap__focus(frustum, conemap__clamp01((double)uvw[1]), b);
+        conemap__focus(frustum, (double)uvw[1], b);
         conemap__label(-b[0], -b[1], &sine, &cosine);
     }
     low = conemap__cut_y(frustum->lower, (double)frustum->lower[0] * sine + (double)frustum->lower[1] * cosine,
@@ -13881,6 +13882,30 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    float low, high; // y where its straight line there meets the cutting planes\n"
      "?c } conemap_uvw;\n"
      "?!c };\n"},
+    {"conemap_focus",
+     "// With exact_u, u is the eccentric anomaly of the cut's ellipse as seen along the axis. What that is counted\n"
+     "// from is e / (1 + sqrt(1 - e^2)) long, with the eccentricity e, and goes linearly with v.\n"
+     "$FNvec2 conemap_focus(conemap_frustum f, float v) {\n"
+     "    vec4 a = f.lower, b = f.upper;\n"
+     "    float k = f.radii.y, share = min(max(v, 0.0f), 1.0f);\n"
+     "    float low = k / (1.0f + sqrt(max(1.0f - k * k * (a.x * a.x + a.y * a.y), 0.0f)));\n"
+     "    float high = k / (1.0f + sqrt(max(1.0f - k * k * (b.x * b.x + b.y * b.y), 0.0f)));\n"
+     "    low *= 1.0f - share;\n"
+     "    high *= share;\n"
+     "    return vec2(low * a.x + high * b.x, low * a.y + high * b.y);\n"
+     "}\n"},
+    {"conemap_turns_of",
+     "// u of a place in the direction (x, z), a unit, from the axis.\n"
+     "$FNfloat conemap_turns_of(conemap_frustum f, float x, float z, float v) {\n"
+     "    if ((f.more.x & 64) != 0) { // exact_u\n"
+     "        vec2 focus = conemap_focus(f, v);\n"
+     "        float gx = x - focus.x, gz = z - focus.y;\n"
+     "        float along = 2.0f * (x * gx + z * gz) / max(gx * gx + gz * gz, 1e-30f);\n"
+     "        x = along * gx - x;\n"
+     "        z = along * gz - z;\n"
+     "    }\n"
+     "    return conemap_turns(x, z);\n"
+     "}\n"},
     {"conemap_locate",
      "$FNconemap_uvw conemap_locate(conemap_frustum f, vec3 p) {\n"
      "    conemap_uvw at;\n"
@@ -13895,7 +13920,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    at.low = conemap_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0f);\n"
      "    at.high = conemap_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0f);\n"
      "    at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0f;\n"
-     "    at.u = conemap_turns(p.x, p.z);\n"
+     "    at.u = conemap_turns_of(f, at.sine, at.cosine, at.v);\n"
      "    return at;\n"
      "}\n"},
     {"conemap_map_place",
@@ -13956,6 +13981,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    conemap_uvw at = conemap_locate(f, conemap_along(o, v, t));\n"
      "?linear_v     if (piece.y > piece.x) at.v = piece.z + (piece.w - piece.z) * ((t - piece.x) / (piece.y - "
      "piece.x));\n"
+     "?linear_v     at.u = conemap_turns_of(f, at.sine, at.cosine, at.v);\n"
      "?holes     if (conemap_over_hole(f, at, alpha_cut)) return 1.0f;\n"
      "    return at.w - conemap_relief(f, at.u, at.v)$DOT_RELIEF;\n"
      "}\n"},
@@ -13980,6 +14006,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "$STRUCT conemap_shell { // what bounds how fast the map's place changes along a ray\n"
      "    float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis\n"
      "    float by_v, span; // v moves at by_v / span at most: see conemap_bound_speed\n"
+     "    float stretch, twist; // u at stretch times the angle and twist times v\n"
      "?c } conemap_shell;\n"
      "?!c };\n"},
     {"conemap_bound_speed",
@@ -13999,6 +14026,16 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    s.by_v = vy + sqrt(lower * lower + upper * upper) / (1.0f - k * n) * (sqrt(across) + k * vy);\n"
      "    s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0f - k * lower);\n"
      "    s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0f + k * upper);\n"
+     "    s.stretch = 1.0f;\n"
+     "    s.twist = abs(f.extent.w);\n"
+     "    if ((f.more.x & 64) != 0) { // exact_u\n"
+     "        vec2 a = conemap_focus(f, 0.0f), b = conemap_focus(f, 1.0f);\n"
+     "        float longer = sqrt(max(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y));\n"
+     "        da = b.x - a.x;\n"
+     "        db = b.y - a.y;\n"
+     "        s.stretch = (1.0f + longer) / (1.0f - longer);\n"
+     "        s.twist += 0.318309886f * sqrt(da * da + db * db) / (1.0f - longer);\n"
+     "    }\n"
      "    return s;\n"
      "}\n"},
     {"conemap_map_speed",
@@ -14007,7 +14044,7 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));\n"
      "    float d2 = p.x * p.x + p.z * p.z;\n"
      "    float angle = s.turning / max(d2, 1e-30f), by_v = s.by_v / s.span;\n"
-     "    float by_u = (angle * 0.159154943f + by_v * abs(f.extent.w)) * float(f.more.y);\n"
+     "    float by_u = (s.stretch * angle * 0.159154943f + by_v * s.twist) * float(f.more.y);\n"
      "    by_v *= abs(f.extent.z)$TIMES_ASPECT;\n"
      "    return s.span > 0.0f && d2 > 0.0f ? sqrt(by_u * by_u + by_v * by_v) : 1e30f;\n"
      "}\n"},
@@ -14138,6 +14175,14 @@ static const conemap__snippet conemap__frusta_snippets[] = {
      "    vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);\n"
      "    g.v = vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,\n"
      "               -(rest * a.z + at.v * b.z) / span);\n"
+     "    if ((f.more.x & 64) != 0) { // exact_u\n"
+     "        vec2 focus = conemap_focus(f, at.v), low = conemap_focus(f, 0.0f), high = conemap_focus(f, 1.0f);\n"
+     "        float gx = at.sine - focus.x, gz = at.cosine - focus.y, way = max(gx * gx + gz * gz, 1e-30f);\n"
+     "        float by_angle = (1.0f - focus.x * focus.x - focus.y * focus.y) / way;\n"
+     "        float by_v = -2.0f * (gz * (high.x - low.x) - gx * (high.y - low.y)) / way;\n"
+     "        g.u = vec3(by_angle * g.u.x + by_v * g.v.x, by_angle * g.u.y + by_v * g.v.y, by_angle * g.u.z + by_v * "
+     "g.v.z);\n"
+     "    }\n"
      "    return g;\n"
      "}\n"},
     {"conemap_find_normals",

@@ -60,6 +60,7 @@ struct layer {
     float v_per_length;
     float flat;      /* of the sections; 0: round */
     int round_joins; /* pieces */
+    int fitted;      /* joints are one ellipse, and u goes on exactly */
     conemap_joint *joints;
     conemap_segment *segments;
     int joint_count, segment_count, room;
@@ -407,6 +408,7 @@ static void olives(struct scene *scene) {
     static const float places[3][3] = {{-1.7f, -0.6f, 1.0f}, {1.5f, -1.6f, 1.15f}, {0.5f, 1.1f, 0.7f}};
     wood->flat = 0.5f;
     wood->round_joins = 4;
+    wood->fitted = 1;
     leaves->flat = 0.22f;
     for (int k = 0; k < 3; ++k) {
         float size = places[k][2], turn = 1.2f * (float)k + 0.5f;
@@ -563,6 +565,7 @@ static int skin(struct layer *layer) {
     desc.v_per_length = layer->v_per_length;
     desc.slope_normals = 1;
     desc.round_joins = layer->round_joins;
+    desc.fit = desc.exact_u = layer->fitted;
     desc.blend = 0.7f;
     conemap_result result = conemap_skeleton_build(&desc, &layer->skeleton);
     return result == CONEMAP_OK || fail_result("the skeleton", result);

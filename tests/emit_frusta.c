@@ -290,6 +290,15 @@ static void make_plant(struct zoo_random *random, int kind, struct plant *plant)
     plant->desc.v_per_length = zoo_below(random, 2) ? 1.0f / length : 0.0f;
     plant->desc.slope_normals = zoo_below(random, 2);
     plant->desc.c1_normals = zoo_below(random, 2);
+    plant->desc.exact_u = zoo_below(random, 2);
+    plant->desc.fit = zoo_below(random, 2);
+    plant->desc.round_joins = zoo_below(random, 4) ? 0 : 2 + zoo_below(random, 4);
+    if (zoo_below(random, 4)) return;
+    for (i = 0; i < count; ++i) { /* elliptical, and then without twist */
+        plant->segments[i].flat = zoo_between(random, 0.3f, 1.0f);
+        for (k = 0; k < 3; ++k) plant->segments[i].wide[k] = zoo_between(random, -1.0f, 1.0f);
+        plant->segments[i].twist = 0.0f;
+    }
 }
 
 /* Through two places of the shell, from some way before; along the axis, across a tip, tangent. */
@@ -498,6 +507,7 @@ static int ray_count(int quick)
 
 struct counts {
     int rays, hits, different, unexplained, places, turned; /* normals that point elsewhere */
+    int exact; /* of the places, those with exact_u */
     int corners; /* rays that end elsewhere among holes */
     int shadows, occlusions, gradients, numbers, dark, faded; /* others than the CPU's; how many there are of some */
 };
@@ -524,6 +534,12 @@ static void compare_effects(unsigned flags, const conemap_shading *cpu, const st
     counts->numbers += (flags & CONEMAP_EFFECT_DEPTH) &&
                        fabs((double)cpu->depth - (double)gpu->depth) > 1e-4 * fmax(1.0, fabs((double)cpu->depth));
     counts->faded += (flags & CONEMAP_EFFECT_FADE) && cpu->fade > 0.0f && cpu->fade < 1.0f;
+}
+
+static double turns_apart(float a, float b)
+{
+    const double apart = (double)a - (double)b;
+    return fabs(apart - floor(apart + 0.5));
 }
 
 static void compare(const struct golden *g, const struct plant *plant, const conemap_skeleton *skeleton,
@@ -554,10 +570,12 @@ static void compare(const struct golden *g, const struct plant *plant, const con
     CHECK(gpu.user == skeleton->frusta[gpu.frustum].user, "user");
     CHECK(way(gpu.position, cpu.position) <= 4.0 * grain, "%s: %g apart", g->file, way(gpu.position, cpu.position));
     ++counts->places;
+    counts->exact += (skeleton->frusta[gpu.frustum].flags & CONEMAP_FRUSTUM_EXACT_U) != 0;
     turned = way(gpu.normal, normal) > 0.01 || fabs((double)gpu.uvw[1] - (double)cpu.v) > 0.001;
+    turned |= turns_apart(gpu.uvw[0], cpu.u) > 0.001;
     if (!bound.effects.flags) turned |= way(gpu.true_normal, cpu.true_normal) > 0.01;
     if (!bound.effects.flags || (bound.effects.flags & CONEMAP_EFFECT_UV))
-        turned |= fabs((double)gpu.map[1] - (double)cpu.map_v) > 0.003;
+        turned |= fabs((double)gpu.map[1] - (double)cpu.map_v) > 0.003 || turns_apart(gpu.map[0], cpu.map_u) > 0.003;
     counts->turned += turned;
     compare_effects(bound.effects.flags, &shading, &gpu, counts);
 }
@@ -668,6 +686,8 @@ static void runs_as_c(void)
         all.different += counts.different;
         all.unexplained += counts.unexplained;
         CHECK(counts.hits > counts.rays / 4, "%s: %d hits of %d", goldens[g].file, counts.hits, counts.rays);
+        CHECK(g == ANY || counts.exact * 4 > counts.places, "%s: %d of %d with exact_u", goldens[g].file, counts.exact,
+              counts.places);
         /* Steps can pass over what is thin, on either side; linear v depends on where the shell is entered and left. */
         CHECK(counts.unexplained <= (g == PLAIN ? counts.rays / 100000 : 2 + counts.rays / (g == LINEAR ? 250 : 1000)),
               "%s: %d of %d rays differ, not on an edge", goldens[g].file, counts.unexplained, counts.rays);
@@ -755,6 +775,82 @@ static void speed_bound(void)
         conemap_skeleton_free(&skeleton);
     }
     CHECK(all > 1000 && tight * 50 > all, "%d of %d near the bound", tight, all);
+}
+
+/* Two tapered segments with a steep cut between them, where exact_u stretches u most. */
+static void exact_u(void)
+{
+    static const float joints[3][3] = {{0.0f, 0.0f, 0.0f}, {0.0f, 60.0f, 0.0f}, {20.0f, 55.0f, 0.0f}};
+    struct zoo_random random = zoo_seed(64);
+    struct plant plant;
+    conemap_skeleton skeleton;
+    conemap_map map;
+    float stretched = 0.0f, nearest[2] = {0.0f, 0.0f};
+    int i, k, n;
+    memset(&plant, 0, sizeof plant);
+    for (i = 0; i < 3; ++i) {
+        memcpy(plant.joints[i].position, joints[i], sizeof joints[i]);
+        plant.joints[i].radius = i == 1 ? 8.0f : 0.5f;
+        plant.joints[i].thickness = 0.5f;
+    }
+    for (i = 0; i < 2; ++i) {
+        plant.segments[i].base = i;
+        plant.segments[i].top = i + 1;
+        plant.segments[i].parent = i - 1;
+        plant.segments[i].v_size = 1e-3f;
+    }
+    plant.desc.joints = plant.joints;
+    plant.desc.joint_count = 3;
+    plant.desc.segments = plant.segments;
+    plant.desc.segment_count = 2;
+    plant.desc.exact_u = 1;
+    relief_map(ZOO_FBM, 5, &goldens[LINEAR], &map);
+    REQUIRE(conemap_skeleton_build(&plant.desc, &skeleton) == CONEMAP_OK, "skeleton");
+    bound.skeleton = &skeleton;
+    bound.map = &map;
+    for (n = 0; n < 400; ++n) {
+        const conemap_frustum *f = &skeleton.frusta[n & 1];
+        const feffects_frustum seen = feffects_load(n & 1);
+        float uvw[3], world[3], at[3];
+        feffects_uvw there;
+        for (k = 0; k < 3; ++k) uvw[k] = zoo_unit(&random);
+        if (n & 6) uvw[1] = (n & 1 ? 0.0f : 1.0f) + (n & 1 ? -0.3f : 0.3f) * uvw[1]; /* beyond the steep cut */
+        if ((n & 6) == 4) uvw[1] = n & 1 ? 0.02f : 0.98f;                            /* or near it */
+        REQUIRE(conemap_frustum_point(f, uvw, world) == CONEMAP_OK, "point");
+        local_point(f, world, 0.0f, world, at);
+        there = feffects_locate(seen, feffects_make_vec3(at[0], at[1], at[2]));
+        CHECK(turns_apart(there.u, uvw[0]) < 1e-5, "u is %g, not %g", (double)there.u, (double)uvw[0]);
+        stretched = fmaxf(stretched, (float)turns_apart(there.u, feffects_turns(at[0], at[2])));
+        if (n & 2) continue;
+        for (k = 0; k < 2; ++k) { /* how fast u changes around the axis and along it */
+            const float step = 0.02f, growth = there.cone.y;
+            const feffects_vec3 o = feffects_make_vec3(at[0], at[1], at[2]);
+            const feffects_vec3 v = k ? feffects_make_vec3(growth * there.sine, 1.0f, growth * there.cosine)
+                                      : feffects_make_vec3(there.cosine, 0.0f, -there.sine);
+            const feffects_shell shell = feffects_bound_speed(seen, o, v);
+            const float speed = feffects_map_speed(seen, shell, o, v, 0.0f, step);
+            const float way = (float)turns_apart(feffects_locate(seen, feffects_along(o, v, step)).u, there.u) / step;
+            CHECK(way <= 1.001f * speed + 2e-5f, "u changes by %g, at no more than %g", (double)way, (double)speed);
+            nearest[k] = fmaxf(nearest[k], way / speed);
+        }
+        { /* v that is taken for linear moves u too: elsewhere on the same straight line, with the v of the place */
+            const flinear_vec4 piece = {0.0f, 1.0f, uvw[1], uvw[1]};
+            const float up = n & 1 ? -3.0f : 3.0f; /* where it is thicker */
+            const flinear_vec3 p = {at[0] + up * there.cone.y * there.sine, at[1] + up,
+                                    at[2] + up * there.cone.y * there.cosine};
+            const flinear_vec3 v = {0.0f, 0.0f, 0.0f};
+            conemap_sample sample;
+            float above;
+            REQUIRE(conemap_sample_at(&map, uvw[0], f->v_start + uvw[1] * f->v_size, &sample) == CONEMAP_OK, "sample");
+            above = flinear_above(flinear_load(n & 1), p, v, 0.5f, piece);
+            CHECK(fabsf(above - (uvw[2] - sample.height)) < 1e-3f, "%g above, not %g", (double)above,
+                  (double)(uvw[2] - sample.height));
+        }
+    }
+    CHECK(stretched > 0.04f && nearest[0] > 0.9f && nearest[1] > 0.2f, "u by %g, at %g and %g of the bound",
+          (double)stretched, (double)nearest[0], (double)nearest[1]);
+    conemap_skeleton_free(&skeleton);
+    conemap_free(&map);
 }
 
 static unsigned clashing(unsigned flags)
@@ -1067,6 +1163,7 @@ const struct test_case emit_frusta_tests[] = {
     {"bounds", bounds},
     {"runs as C", runs_as_c},
     {"speed bound", speed_bound},
+    {"exact u", exact_u},
     {"effects add lines", effects_add_lines},
     {"bad input", bad_input},
 #endif

@@ -138,7 +138,20 @@ vec3 conemap_span(conemap_frustum f, vec2 cone, vec3 o, vec3 v, float t_min, flo
 struct conemap_shell { // what bounds how fast the map's place changes along a ray
     float turning, nearest; // |x' z - x z'|; t where the ray is nearest to the axis
     float by_v, span; // v moves at by_v / span at most: see conemap_bound_speed
+    float stretch, twist; // u at stretch times the angle and twist times v
 };
+
+// With exact_u, u is the eccentric anomaly of the cut's ellipse as seen along the axis. What that is counted
+// from is e / (1 + sqrt(1 - e^2)) long, with the eccentricity e, and goes linearly with v.
+vec2 conemap_focus(conemap_frustum f, float v) {
+    vec4 a = f.lower, b = f.upper;
+    float k = f.radii.y, share = min(max(v, 0.0), 1.0);
+    float low = k / (1.0 + sqrt(max(1.0 - k * k * (a.x * a.x + a.y * a.y), 0.0)));
+    float high = k / (1.0 + sqrt(max(1.0 - k * k * (b.x * b.x + b.y * b.y), 0.0)));
+    low *= 1.0 - share;
+    high *= share;
+    return vec2(low * a.x + high * b.x, low * a.y + high * b.y);
+}
 
 // The angle turns at |x' z - x z'| / d^2. Both cuts y = a x + b z + c, weighted as v weights them, move at no more
 // than |(n_lower, n_upper)| / (1 - k n) times |(x, z)'| + k |y'|, n the slopes; span is the least way between them.
@@ -154,6 +167,16 @@ conemap_shell conemap_bound_speed(conemap_frustum f, vec3 o, vec3 v) {
     s.by_v = vy + sqrt(lower * lower + upper * upper) / (1.0 - k * n) * (sqrt(across) + k * vy);
     s.span = max(outer.x + outer.y * f.lower.z, inner.x + inner.y * f.lower.z) / (1.0 - k * lower);
     s.span = (f.upper.z - f.lower.z - s.span * sqrt(da * da + db * db)) / (1.0 + k * upper);
+    s.stretch = 1.0;
+    s.twist = abs(f.extent.w);
+    if ((f.more.x & 64) != 0) { // exact_u
+        vec2 a = conemap_focus(f, 0.0), b = conemap_focus(f, 1.0);
+        float longer = sqrt(max(a.x * a.x + a.y * a.y, b.x * b.x + b.y * b.y));
+        da = b.x - a.x;
+        db = b.y - a.y;
+        s.stretch = (1.0 + longer) / (1.0 - longer);
+        s.twist += 0.318309886 * sqrt(da * da + db * db) / (1.0 - longer);
+    }
     return s;
 }
 
@@ -182,6 +205,18 @@ float conemap_turns(float x, float z) {
     return x < 0.0 ? 1.0 - turns : turns;
 }
 
+// u of a place in the direction (x, z), a unit, from the axis.
+float conemap_turns_of(conemap_frustum f, float x, float z, float v) {
+    if ((f.more.x & 64) != 0) { // exact_u
+        vec2 focus = conemap_focus(f, v);
+        float gx = x - focus.x, gz = z - focus.y;
+        float along = 2.0 * (x * gx + z * gz) / max(gx * gx + gz * gz, 1e-30);
+        x = along * gx - x;
+        z = along * gz - z;
+    }
+    return conemap_turns(x, z);
+}
+
 conemap_uvw conemap_locate(conemap_frustum f, vec3 p) {
     conemap_uvw at;
     at.d = sqrt(p.x * p.x + p.z * p.z);
@@ -195,7 +230,7 @@ conemap_uvw conemap_locate(conemap_frustum f, vec3 p) {
     at.low = conemap_cut(f.lower, f.lower.x * at.sine + f.lower.y * at.cosine, at.cone, 0.0);
     at.high = conemap_cut(f.upper, f.upper.x * at.sine + f.upper.y * at.cosine, at.cone, 0.0);
     at.v = at.high != at.low ? (p.y - at.low) / (at.high - at.low) : 0.0;
-    at.u = conemap_turns(p.x, p.z);
+    at.u = conemap_turns_of(f, at.sine, at.cosine, at.v);
     return at;
 }
 
@@ -248,7 +283,7 @@ float conemap_map_speed(conemap_frustum f, conemap_shell s, vec3 o, vec3 v, floa
     vec3 p = conemap_along(o, v, min(max(s.nearest, t), t_end));
     float d2 = p.x * p.x + p.z * p.z;
     float angle = s.turning / max(d2, 1e-30), by_v = s.by_v / s.span;
-    float by_u = (angle * 0.159154943 + by_v * abs(f.extent.w)) * float(f.more.y);
+    float by_u = (s.stretch * angle * 0.159154943 + by_v * s.twist) * float(f.more.y);
     by_v *= abs(f.extent.z);
     return s.span > 0.0 && d2 > 0.0 ? sqrt(by_u * by_u + by_v * by_v) : 1e30;
 }
@@ -360,6 +395,13 @@ conemap_uv_gradients conemap_find_gradients(conemap_frustum f, conemap_uvw at) {
     vec3 b = conemap_cut_gradient(f, f.upper, at, at.high, g.u, grad_w);
     g.v = vec3(-(rest * a.x + at.v * b.x) / span, (at.thickness - rest * a.y - at.v * b.y) / span,
                -(rest * a.z + at.v * b.z) / span);
+    if ((f.more.x & 64) != 0) { // exact_u
+        vec2 focus = conemap_focus(f, at.v), low = conemap_focus(f, 0.0), high = conemap_focus(f, 1.0);
+        float gx = at.sine - focus.x, gz = at.cosine - focus.y, way = max(gx * gx + gz * gz, 1e-30);
+        float by_angle = (1.0 - focus.x * focus.x - focus.y * focus.y) / way;
+        float by_v = -2.0 * (gz * (high.x - low.x) - gx * (high.y - low.y)) / way;
+        g.u = vec3(by_angle * g.u.x + by_v * g.v.x, by_angle * g.u.y + by_v * g.v.y, by_angle * g.u.z + by_v * g.v.z);
+    }
     return g;
 }
 

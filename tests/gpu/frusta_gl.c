@@ -566,7 +566,8 @@ int main(int argc, char **argv) {
         {"ES 310, uniforms", CONEMAP_ESSL_310, CONEMAP_FRUSTA_UNIFORMS},
         {"ES 310, buffer", CONEMAP_ESSL_310, CONEMAP_FRUSTA_BUFFER},
     };
-    static const char *const names[] = {"elm", "well", "aloe", "desert", "cacti", "coconut", "pine", "oasis"};
+    static const char *const names[] = {"elm", "well", "aloe", "desert", "cacti", "coconut", "pine", "oasis",
+                                        "olives"};
     const char *folder = argc > 1 ? argv[1] : NULL;
     if (argc > 2) {
         effects(folder);
