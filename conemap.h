@@ -17811,26 +17811,25 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
                          CONEMAP__F1(row[0]));
 }
 
-/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks
-   only where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar,
-                                                  CONEMAP__F x2, CONEMAP__F y2, int plain, CONEMAP__F *dh2,
-                                                  CONEMAP__F *d2) {
+/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. What is nearer
+   than near2 counts as so far away: the near field sees more of it, and fewer blocks are opened. One lane looks only
+   where it is `asked` to. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(const conemap__search *search, int asked, float highest,
+                                                  CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2, CONEMAP__F y2,
+                                                  int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
     CONEMAP__F dh;
     if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
     *dh2 = CONEMAP__MUL(dh, dh);
     *d2 = CONEMAP__ADD(x2, y2);
-    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(0.0f)); /* V may have been more */
+    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(search->near2 - search->deflate));
     return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
 }
 
 /* Of those the ones that do. */
-CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F dh2,
-                                           CONEMAP__F d2, int number, int plain, CONEMAP__F *least, CONEMAP__F *s,
-                                           CONEMAP__I *decider) {
+CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2, int number,
+                                           CONEMAP__F *least, CONEMAP__F *s, CONEMAP__I *decider) {
     CONEMAP__F slope2;
-    if (!plain) beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
     if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
     slope2 = CONEMAP__DIV(dh2, d2);
     beats = CONEMAP__AND(beats, CONEMAP__LT(*least, slope2));
@@ -17850,21 +17849,21 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(1, heights[0], apex, bar, left, top, 1, &dh2[0], &d2[0]);
+    beats[0] = CONEMAP__KERNEL(beats)(search, 1, heights[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
     if (texels == 1) {
         if (!CONEMAP__ANY(beats[0])) return 0;
     } else {
-        beats[1] = CONEMAP__KERNEL(beats)(1, heights[1], apex, bar, right, top, 1, &dh2[1], &d2[1]);
-        beats[2] = CONEMAP__KERNEL(beats)(1, heights[2], apex, bar, left, bottom, 1, &dh2[2], &d2[2]);
-        beats[3] = CONEMAP__KERNEL(beats)(1, heights[3], apex, bar, right, bottom, 1, &dh2[3], &d2[3]);
+        beats[1] = CONEMAP__KERNEL(beats)(search, 1, heights[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
+        beats[2] = CONEMAP__KERNEL(beats)(search, 1, heights[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
+        beats[3] = CONEMAP__KERNEL(beats)(search, 1, heights[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
         if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
     }
     decider = CONEMAP__LOADI(tile->decider + i);
-    CONEMAP__KERNEL(take)(search, beats[0], dh2[0], d2[0], number, plain, &least, &s, &decider);
+    CONEMAP__KERNEL(take)(beats[0], dh2[0], d2[0], number, &least, &s, &decider);
     if (texels > 1) {
-        CONEMAP__KERNEL(take)(search, beats[1], dh2[1], d2[1], number + 1, plain, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(search, beats[2], dh2[2], d2[2], number + 2, plain, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(search, beats[3], dh2[3], d2[3], number + 3, plain, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[1], dh2[1], d2[1], number + 1, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, &least, &s, &decider);
     }
     CONEMAP__STOREF(tile->slope2 + i, s);
     CONEMAP__STOREI(tile->decider + i, decider);
@@ -17928,10 +17927,10 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
-    beats[1] = CONEMAP__KERNEL(beats)(asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
-    beats[2] = CONEMAP__KERNEL(beats)(asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
-    beats[3] = CONEMAP__KERNEL(beats)(asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
+    beats[0] = CONEMAP__KERNEL(beats)(search, asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
+    beats[1] = CONEMAP__KERNEL(beats)(search, asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
+    beats[2] = CONEMAP__KERNEL(beats)(search, asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
+    beats[3] = CONEMAP__KERNEL(beats)(search, asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
     if (!plain && search->widen2 > 1.0f &&
         CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
         CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);
