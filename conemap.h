@@ -850,8 +850,7 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
 
    COMPUTE with effects has the same uniforms and reads eight float4 a ray: origin and t_min, direction and t_max,
    tangent, bitangent, normal, point, uv, gradient. It writes the targets side by side, t -1 without a hit, and the
-   depth as the first number of one more. Its buffers follow the textures and Vulkan's block. WGSL and MSL lack it:
-   UNSUPPORTED.
+   depth as the first number of one more. Its buffers follow the textures and the block of Vulkan and WGSL.
 
    WGSL and MSL. Entry points are called conemap_main; what GLSL has as uniforms is a struct conemap_arguments, in the
    order of the text.
@@ -4462,8 +4461,10 @@ static void conemap__cells_row(const conemap__outlook *outlook, const conemap__b
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
     int place = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell), w = info->width, x;
     int count, end, run;
-    float *known = band->plane + (size_t)place * (size_t)w, *out = band->cell_slopes + (size_t)place * (size_t)w;
+    float *known, *out;
     if (place < band->y0 || place >= band->y1 || !conemap__cell_exists(map, 0, j)) return;
+    known = band->plane + (size_t)place * (size_t)w;
+    out = band->cell_slopes + (size_t)place * (size_t)w;
     count = info->wrap_u != CONEMAP_WRAP && (info->texture.per_cell || outlook->relaxed) ? conemap__maxi(w - 1, 1) : w;
     conemap__columns(map, band->sector.number, place, &x, &end);
     end = conemap__mini(end, count);
@@ -9045,7 +9046,6 @@ static conemap_result conemap__resolve_shader(conemap__emitter *e) {
             (d->set != 0 && !f[conemap__flag_vulkan] && !f[conemap__flag_wgsl] && d->dialect != CONEMAP_HLSL_60) ||
             (d->sampler_binding != 0 && !f[conemap__flag_returns]) ||
             (f[conemap__flag_msl] && !f[conemap__flag_wrapped] && d->stage != CONEMAP_STAGE_FUNCTIONS) ||
-            (f[conemap__flag_given] && d->stage == CONEMAP_STAGE_COMPUTE && d->flags != 0) ||
             (d->precision != CONEMAP_HIGHP && !f[conemap__flag_es]) ||
             (f[conemap__flag_c] && (d->stage != CONEMAP_STAGE_FUNCTIONS || !d->fetch || d->binding != 0)) ||
             (f[conemap__flag_c] && f[conemap__flag_blocks] && !d->fetch_maxima) ||
@@ -11268,16 +11268,22 @@ static const char conemap__shade_buffers[] =
     "?glsl     vec4 conemap_rays[];\n"
     "?glsl };\n"
     "?hlsl StructuredBuffer<float4> conemap_rays$SHADE_RAYS;\n"
+    "?wgsl $SHADE_RAYSvar<storage, read> conemap_rays: array<vec4f>;\n"
+    "?msl device const float4 *conemap_rays;\n"
     "// $TARGETS a ray: u, v, z, t, which is -1 without a hit$TARGET_NAMES.\n"
     "?glsl layout(std430$SHADE_HITS) writeonly buffer conemap_hit_buffer {\n"
     "?glsl     vec4 conemap_hits[];\n"
     "?glsl };\n"
-    "?hlsl RWStructuredBuffer<float4> conemap_hits$SHADE_HITS;\n";
+    "?hlsl RWStructuredBuffer<float4> conemap_hits$SHADE_HITS;\n"
+    "?wgsl $SHADE_HITSvar<storage, read_write> conemap_hits: array<vec4f>;\n"
+    "?msl device float4 *conemap_hits;\n"
+    "\n";
 
 static const char conemap__shade_block[] =
     "?vulkan $BLOCK_LAYOUTuniform conemap_block {\n"
     "?hlsl cbuffer conemap_block$BLOCK_LAYOUT {\n"
     "?given struct conemap_arguments {\n"
+    "?msl,compute     uint conemap_ray_count;\n"
     "?settings $UNIFORMconemap_effects conemap_settings;\n"
     "$UNIFORMvec4 conemap_shape; // uv_scale, depth, level\n"
     "?curved $UNIFORMvec4 conemap_curvature;\n"
@@ -11397,6 +11403,13 @@ static const char conemap__shade_compute[] =
     "?hlsl     conemap_rays.GetDimensions(count, stride);\n"
     "?hlsl     uint ray = 8u * thread.x, answer = $TARGETSu * thread.x;\n"
     "?hlsl     if (ray + 7u >= count) return;\n"
+    "?wgsl $ENTRY\n"
+    "?wgsl fn conemap_main(@builtin(global_invocation_id) thread: vec3u) {\n"
+    "?wgsl     uint ray = 8u * thread.x, answer = $TARGETSu * thread.x;\n"
+    "?wgsl     if (ray + 7u >= arrayLength(&conemap_rays)) return;\n"
+    "?msl void conemap_run(uint number) {\n"
+    "?msl     uint ray = 8u * number, answer = $TARGETSu * number;\n"
+    "?msl     if (number >= conemap_given.conemap_ray_count) return;\n"
     "?glsl void main() {\n"
     "?glsl     int ray = 8 * int(gl_GlobalInvocationID.x), answer = $TARGETS * int(gl_GlobalInvocationID.x);\n"
     "?glsl     if (ray + 7 >= conemap_rays.length()) return;\n"
@@ -11407,10 +11420,10 @@ static const char conemap__shade_compute[] =
     "    frame.normal = conemap_rays[ray + 4$UNSIGNED].xyz;\n"
     "    frame.origin = conemap_rays[ray + 5$UNSIGNED].xyz;\n"
     "    frame.uv_offset = conemap_rays[ray + 6$UNSIGNED].xy;\n"
-    "    frame.uv_scale = conemap_shape.xy;\n"
-    "    frame.depth = conemap_shape.z;\n"
-    "    frame.level = conemap_shape.w;\n"
-    "?curved     frame.curvature = conemap_curvature.xyz;\n"
+    "    frame.uv_scale = $GIVENconemap_shape.xy;\n"
+    "    frame.depth = $GIVENconemap_shape.z;\n"
+    "    frame.level = $GIVENconemap_shape.w;\n"
+    "?curved     frame.curvature = $GIVENconemap_curvature.xyz;\n"
     "?gradient     vec4 gradient = conemap_rays[ray + 7$UNSIGNED];\n"
     "    conemap_shading s = conemap_shade($SETTINGS_ARGframe, origin.xyz, direction.xyz$SHADE_ARGS);\n"
     "    $TARGET_BOX = vec4(s.box, s.found ? s.t : -1.0f);\n"
@@ -11419,7 +11432,22 @@ static const char conemap__shade_compute[] =
     "?colors     $TARGET_COLOR = conemap_color(s);\n"
     "?numbers     $TARGET_NUMBERS = vec4($NUMBERS);\n"
     "?depth     $TARGET_DEPTH = vec4(s.depth, 0.0f, 0.0f, 0.0f);\n"
-    "}\n";
+    "}\n"
+    "?msl @<\n"
+    "?msl };\n"
+    "?msl \n"
+    "?msl kernel void conemap_main(\n"
+    "?msl @parameters\n"
+    "?msl     device const float4 *conemap_rays$SHADE_RAYS,\n"
+    "?msl     device float4 *conemap_hits$SHADE_HITS,\n"
+    "?msl     uint number [[thread_position_in_grid]]) {\n"
+    "?msl     conemap_shader shader = {\n"
+    "?msl @names\n"
+    "?msl         conemap_rays,\n"
+    "?msl         conemap_hits,\n"
+    "?msl     };\n"
+    "?msl     shader.conemap_run(number);\n"
+    "?msl }\n";
 
 /* Unknown bits, or two effects of which one is instead of the other. */
 static int conemap__effects_clash(unsigned flags) {
@@ -11489,7 +11517,7 @@ static conemap_result conemap__resolve_emitted_effects(conemap__emitter *e) {
     f[conemap__flag_greater] = d->depth_bound == CONEMAP_DEPTH_GREATER;
     f[conemap__flag_less] = d->depth_bound == CONEMAP_DEPTH_LESS;
     f[conemap__flag_ranged] = d->t_range != 0;
-    f[conemap__flag_arguments] = f[conemap__flag_fragment]; /* the block, for MSL */
+    f[conemap__flag_arguments] = d->stage != CONEMAP_STAGE_FUNCTIONS; /* the block, for MSL */
     if (f[conemap__flag_cuts] || f[conemap__flag_hard]) /* conemap_trace's, whatever conemap_shade has */
         d->t_range = f[conemap__flag_t_range] = 1;
     asked = f[conemap__flag_flight] || f[conemap__flag_place]; /* a flight, or a second trace that must be exact */
@@ -11636,10 +11664,12 @@ static void conemap__make_effect_pieces(conemap__emitter *e) {
     conemap__place_resource(e, "COLOR_SAMPLER_LAYOUT", 's',
                             among ? binding : d->sampler_binding + f[conemap__flag_sampler]);
     binding += among && f[conemap__flag_colors];
-    conemap__place_resource(e, "GIVEN_LAYOUT", 'b', f[conemap__flag_msl] ? d->binding : binding);
+    if (f[conemap__flag_msl]) binding = d->binding; /* buffers count by themselves, and arguments come last */
+    k = f[conemap__flag_msl] && f[conemap__flag_compute] ? 2 : 0;
+    conemap__place_resource(e, "GIVEN_LAYOUT", 'b', binding + k);
     if (f[conemap__flag_vulkan] || hlsl) /* beside the arguments of the tracer */
         conemap__place_resource(e, "BLOCK_LAYOUT", hlsl ? 'b' : 't', hlsl ? d->binding : binding);
-    binding += f[conemap__flag_vulkan];
+    binding += f[conemap__flag_vulkan] || f[conemap__flag_wgsl];
     conemap__place_resource(e, "SHADE_RAYS", hlsl ? 't' : 'b', binding);
     conemap__place_resource(e, "SHADE_HITS", hlsl ? 'u' : 'b', hlsl ? d->binding : binding + 1);
     for (k = 2; k < 7; ++k) {
@@ -11701,8 +11731,8 @@ static void conemap__write_effects(conemap__emitter *e) {
     conemap__put(e, "\n", 1);
     if (e->flags[conemap__flag_colors]) conemap__snippet_named(e, "conemap_color", 13);
     if (e->flags[conemap__flag_fragment]) conemap__lines(e, conemap__shade_inputs, 0);
-    if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_buffers, 0);
     if (e->desc.stage != CONEMAP_STAGE_FUNCTIONS) conemap__lines(e, conemap__shade_block, 0);
+    if (e->flags[conemap__flag_compute]) conemap__lines(e, conemap__shade_buffers, 0);
     if (e->flags[conemap__flag_fragment]) {
         conemap__lines(e, conemap__shade_fragment, 0);
         conemap__lines(e, conemap__shade_main, 0);
@@ -17810,26 +17840,25 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
                          CONEMAP__F1(row[0]));
 }
 
-/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. One lane looks
-   only where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(int asked, float highest, CONEMAP__F apex, CONEMAP__F bar,
-                                                  CONEMAP__F x2, CONEMAP__F y2, int plain, CONEMAP__F *dh2,
-                                                  CONEMAP__F *d2) {
+/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. What is nearer
+   than near2 counts as so far away: the near field sees more of it, and fewer blocks are opened. One lane looks only
+   where it is `asked` to. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(const conemap__search *search, int asked, float highest,
+                                                  CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2, CONEMAP__F y2,
+                                                  int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
     CONEMAP__F dh;
     if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
     *dh2 = CONEMAP__MUL(dh, dh);
     *d2 = CONEMAP__ADD(x2, y2);
-    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(0.0f)); /* V may have been more */
+    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(search->near2 - search->deflate));
     return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
 }
 
 /* Of those the ones that do. */
-CONEMAP__HELPER void CONEMAP__KERNEL(take)(const conemap__search *search, CONEMAP__M beats, CONEMAP__F dh2,
-                                           CONEMAP__F d2, int number, int plain, CONEMAP__F *least, CONEMAP__F *s,
-                                           CONEMAP__I *decider) {
+CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2, int number,
+                                           CONEMAP__F *least, CONEMAP__F *s, CONEMAP__I *decider) {
     CONEMAP__F slope2;
-    if (!plain) beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
     if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
     slope2 = CONEMAP__DIV(dh2, d2);
     beats = CONEMAP__AND(beats, CONEMAP__LT(*least, slope2));
@@ -17849,21 +17878,21 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(1, heights[0], apex, bar, left, top, 1, &dh2[0], &d2[0]);
+    beats[0] = CONEMAP__KERNEL(beats)(search, 1, heights[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
     if (texels == 1) {
         if (!CONEMAP__ANY(beats[0])) return 0;
     } else {
-        beats[1] = CONEMAP__KERNEL(beats)(1, heights[1], apex, bar, right, top, 1, &dh2[1], &d2[1]);
-        beats[2] = CONEMAP__KERNEL(beats)(1, heights[2], apex, bar, left, bottom, 1, &dh2[2], &d2[2]);
-        beats[3] = CONEMAP__KERNEL(beats)(1, heights[3], apex, bar, right, bottom, 1, &dh2[3], &d2[3]);
+        beats[1] = CONEMAP__KERNEL(beats)(search, 1, heights[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
+        beats[2] = CONEMAP__KERNEL(beats)(search, 1, heights[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
+        beats[3] = CONEMAP__KERNEL(beats)(search, 1, heights[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
         if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
     }
     decider = CONEMAP__LOADI(tile->decider + i);
-    CONEMAP__KERNEL(take)(search, beats[0], dh2[0], d2[0], number, plain, &least, &s, &decider);
+    CONEMAP__KERNEL(take)(beats[0], dh2[0], d2[0], number, &least, &s, &decider);
     if (texels > 1) {
-        CONEMAP__KERNEL(take)(search, beats[1], dh2[1], d2[1], number + 1, plain, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(search, beats[2], dh2[2], d2[2], number + 2, plain, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(search, beats[3], dh2[3], d2[3], number + 3, plain, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[1], dh2[1], d2[1], number + 1, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, &least, &s, &decider);
     }
     CONEMAP__STOREF(tile->slope2 + i, s);
     CONEMAP__STOREI(tile->decider + i, decider);
@@ -17927,10 +17956,10 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
-    beats[1] = CONEMAP__KERNEL(beats)(asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
-    beats[2] = CONEMAP__KERNEL(beats)(asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
-    beats[3] = CONEMAP__KERNEL(beats)(asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
+    beats[0] = CONEMAP__KERNEL(beats)(search, asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
+    beats[1] = CONEMAP__KERNEL(beats)(search, asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
+    beats[2] = CONEMAP__KERNEL(beats)(search, asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
+    beats[3] = CONEMAP__KERNEL(beats)(search, asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
     if (!plain && search->widen2 > 1.0f &&
         CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
         CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);

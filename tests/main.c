@@ -80,8 +80,14 @@ int main(int argument_count, char **arguments)
         const char *name;
         const struct test_case *cases;
     } areas[] = {
+#ifdef TEST_WRITE /* writes the emitted C that the tests compile */
+        {"emit", emit_tests},
+        {"emit_frusta", emit_frusta_tests},
+        {"shading", shading_tests},
+#else
         {"kernels", kernels_tests},
-#ifndef TEST_KERNELS_ONLY /* what other instruction sets are tested with */
+#endif
+#if !defined TEST_KERNELS_ONLY && !defined TEST_WRITE /* the first: what other instruction sets are tested with */
         {"truth", truth_tests},
         {"oracle", oracle_tests},
         {"safe", safe_tests},
