@@ -32,6 +32,7 @@ help:
 	@echo "make fit       measures the planner's table anew and writes it into conemap.h"
 	@echo "make threads   the builds by many threads: POSIX threads, C11 threads, a pool of C++ threads"
 	@echo "make effects   a picture of each effect on one sheet: out/effects.png"
+	@echo "make shaders   all combinations of a shader's options through the shader compilers; takes hours"
 	@echo "make sync      writes tests/golden/ anew from the shader emitter"
 	@echo "make all       builds the examples and the tests"
 	@echo "make trees     plants and cacti as relief-mapped frusta; pictures in out/"
@@ -99,6 +100,10 @@ threads: | build
 check:
 	@CC="$(CC)" CXX="$(CXX)" bash tests/check.sh $(CHECK)
 
+# Hours: every combination of tracer, refinement, format, wrap and effect through every shader compiler there is.
+shaders:
+	@CC="$(CC)" CXX="$(CXX)" SHADER_SAMPLES=-1 bash tests/check.sh "shaders in "
+
 bench: build/bench
 	@./build/bench $(BENCH)
 
@@ -121,4 +126,4 @@ trees: build/tree | out
 clean:
 	rm -rf build out
 
-.PHONY: all help test demo threads check bench accuracy fit clean trees effects sync
+.PHONY: all help shaders test demo threads check bench accuracy fit clean trees effects sync

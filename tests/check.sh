@@ -389,8 +389,8 @@ need "shaders in C" gcc && part "shaders in C" shaders c
 need "shaders in GLSL" gcc glslangValidator spirv-val && part "shaders in GLSL" shaders glsl
 need "frusta shaders in C" gcc && part "frusta shaders in C" shaders c frusta_variants
 need "frusta shaders in GLSL" gcc glslangValidator spirv-val && part "frusta shaders in GLSL" shaders glsl frusta_variants
-need "shaders in MSL" gcc clang++ && SHADER_SAMPLES=150 part "shaders in MSL" shaders msl
-need "frusta shaders in MSL" gcc clang++ && SHADER_SAMPLES=100 part "frusta shaders in MSL" shaders msl frusta_variants
+need "shaders in MSL" gcc clang++ && SHADER_SAMPLES=${SHADER_SAMPLES:-150} part "shaders in MSL" shaders msl
+need "frusta shaders in MSL" gcc clang++ && SHADER_SAMPLES=${SHADER_SAMPLES:-100} part "frusta shaders in MSL" shaders msl frusta_variants
 # MSL is run as C++, with tests/gpu/metal_stdlib in Metal's place.
 metal() {
     gcc -std=c99 -O2 -I. tests/gpu/dialects.c -o "$dir/writer" -lm && "$dir/writer" texts "$dir" &&
@@ -424,8 +424,8 @@ case "frusta shaders in WGSL, run" in
 *"$only"*)
     if need "shaders in WGSL" gcc node npm; then
         if modules; then
-            SHADER_SAMPLES=150 part "shaders in WGSL" shaders wgsl
-            SHADER_SAMPLES=100 part "frusta shaders in WGSL" shaders wgsl frusta_variants
+            SHADER_SAMPLES=${SHADER_SAMPLES:-150} part "shaders in WGSL" shaders wgsl
+            SHADER_SAMPLES=${SHADER_SAMPLES:-100} part "frusta shaders in WGSL" shaders wgsl frusta_variants
             if [ -f "$swiftshader" ]; then
                 part "shaders in WGSL, run" webgpu
             else

@@ -1,5 +1,6 @@
 /* Writes shaders for the compilers:  variants DIALECT FOLDER [random count]
-   Every value of every option, every pair of two, and a seeded random sample; equal texts once. What the emitter refuses
+   Every value of every option, every pair of two, and a seeded random sample, or with -1 in its place the whole product
+   of tracers, refinements, formats, encodings, wraps and effects; equal texts once. What the emitter refuses
    is skipped; the count of each is printed. Functions get what a host adds around them. */
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
@@ -524,6 +525,23 @@ static void all_effects(conemap_dialect dialect, int *choice, int sample, struct
     }
 }
 
+/* Tracer x refinement x format x encoding x wraps x effect, the last being none or one of them. */
+static void product(conemap_dialect dialect, int *choice)
+{
+    int k;
+    for (k = 0; k < 8 * 3 * 4 * 3 * 3 * 3 * 16; ++k) {
+        const int effect = k / 2592;
+        memset(choice, 0, OPTIONS * sizeof *choice);
+        choice[1] = k % 8;
+        choice[2] = k / 8 % 3;
+        choice[3] = k / 24 % 4;
+        choice[4] = k / 96 % 3;
+        choice[7] = k / 288 % 3;
+        choice[8] = k / 864 % 3;
+        effects(dialect, choice, effect ? 1u << (effect - 1) : 0, 0);
+    }
+}
+
 int main(int argument_count, char **arguments)
 {
     int choice[OPTIONS], before, sample, dialect = read_arguments(argument_count, arguments, &sample);
@@ -534,6 +552,7 @@ int main(int argument_count, char **arguments)
     before = written;
     all_effects((conemap_dialect)dialect, choice, sample / 3, &random);
     printf("%s: %d variants of effects\n", dialects[dialect], written - before);
+    if (sample < 0) product((conemap_dialect)dialect, choice);
     printf("%s: %d variants, %d equal to others, %d refused\n", dialects[dialect], written, equal, refused);
     return 0;
 }
