@@ -10,8 +10,10 @@
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 #include "../emit_compare.h"
+#include "../shade_compare.h"
 
 enum { RAYS = 1024, MOST = 40 };
+enum { LIT_RAYS = 256, LIT_WIDE = 24, LIT_HIGH = 16, LIT_IMAGES = 6, LIT_FIRST = 50, LIT_KINDS = 4, LIT_TARGETS = 6 };
 
 /* Textures are of four floats, whatever the map's are: slice 1 of 2 of an array, at (5, 3) of an atlas. */
 struct image {
@@ -22,6 +24,21 @@ struct inputs { /* images: map, octants, heights, maxima, alpha */
     struct image images[4];
     float rays[RAYS * 8];
     int width, height;
+};
+
+struct lit_inputs { /* of effects; the sixth image: colours. Eight float4 a ray */
+    float rays[LIT_RAYS * 32];
+    struct image images[LIT_IMAGES];
+    int width, height;
+    conemap_effects e;
+    conemap_frame shape;
+};
+
+/* What the arguments hold, one number after the other, as `conemap_settings.clip` and as text of MSL. */
+struct lit_argument {
+    const char *name;
+    int count, whole; /* whole: integers */
+    float values[4];
 };
 
 struct grid { /* what kernels read and write */
@@ -67,7 +84,7 @@ struct item {
 };
 static struct item items[MOST];
 static int item_count, failures;
-static long rays_done, different_done;
+static long rays_done, different_done, shaded;
 
 static void wrong(const char *format, ...)
 {
@@ -244,11 +261,11 @@ static FILE *create(const char *folder, int number, const char *ending)
     return file;
 }
 
-static void write_text(const char *folder, int number, const conemap_shader_desc *d)
+static void write_text(const char *folder, int number, const char *name, const conemap_shader_desc *d)
 {
     FILE *file = create(folder, number, d->dialect == CONEMAP_WGSL ? ".wgsl" : ".metal");
     const conemap_result result = conemap_emit(d, text, sizeof text, NULL);
-    if (result != CONEMAP_OK) wrong("%s: %s", items[number].name, conemap_result_string(result));
+    if (result != CONEMAP_OK) wrong("%s: %s", name, conemap_result_string(result));
     fputs(text, file);
     fclose(file);
 }
@@ -268,6 +285,20 @@ static void write_bindings(const char *folder, int number, const conemap_shader_
             d->run_time_cap || d->atlas || d->array || (d->t_range && !compute) ? binding + (compute ? 2 : 0) : -1);
     fprintf(file, "\"targets\": %d, \"rays_count\": %d}\n", d->steps || d->status ? 2 : 1, RAYS);
     fclose(file);
+}
+
+static void write_image(FILE *file, const struct image *image)
+{
+    size_t size = 0;
+    int numbers[4], level;
+    numbers[0] = image->width;
+    numbers[1] = image->height;
+    numbers[2] = image->slices;
+    numbers[3] = image->levels;
+    for (level = 0; level < image->levels; ++level)
+        size += (size_t)((image->width >> level) * (image->height >> level) * image->slices);
+    fwrite(numbers, sizeof numbers, 1, file);
+    fwrite(image->texels, 16, size, file);
 }
 
 /* And the data: the arguments, the textures, the rays. */
@@ -290,19 +321,7 @@ static void write_inputs(const char *folder, int number, int kind, const conemap
     }
     if (d->array) given[count++] = 1;
     fwrite(given, sizeof given, 1, file);
-    for (k = 0; k < 4; ++k) {
-        const struct image *image = &in->images[k];
-        size_t size = 0;
-        int numbers[4], level;
-        numbers[0] = image->width;
-        numbers[1] = image->height;
-        numbers[2] = image->slices;
-        numbers[3] = image->levels;
-        for (level = 0; level < image->levels; ++level)
-            size += (size_t)((image->width >> level) * (image->height >> level) * image->slices);
-        fwrite(numbers, sizeof numbers, 1, file);
-        fwrite(image->texels, 16, size, file);
-    }
+    for (k = 0; k < 4; ++k) write_image(file, &in->images[k]);
     fwrite(in->rays, sizeof in->rays, 1, file);
     fclose(file);
 }
@@ -534,6 +553,368 @@ static void judge_making(const struct making *m, const conemap_map *map, const f
 
 static int read_answers(const char *folder, int number, int kind, float *answers, size_t size);
 
+/* ---- effects ---- */
+
+#define LIT_NUMBERS                                                                                                    \
+    (CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SKY |              \
+     CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE)
+#define LIT_ALL                                                                                                        \
+    ((unsigned)CONEMAP_EFFECT_ALL_BITS &                                                                               \
+     ~(unsigned)(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION))
+enum { LIT_ARRAY = 1, LIT_ATLAS = 2, LIT_RANGE = 4, LIT_FRAGMENT = 8 };
+static const struct lighting {
+    const char *name;
+    unsigned flags;
+    int with, sectors;
+    conemap_layout layout;
+    conemap_wrap wrap_u;
+} lightings[] = {
+    {"all effects", LIT_ALL, 0, 1, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP},
+    {"mips, fade, hard shadows, colours",
+     CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_UV |
+         CONEMAP_EFFECT_OCCLUSION,
+     LIT_ARRAY, 1, CONEMAP_CONE_ONLY, CONEMAP_NOTHING},
+    {"bent, wrap, a range", CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_DEPTH | CONEMAP_EFFECT_TWO_SIDED |
+                                CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SHADOW,
+     LIT_RANGE, 1, CONEMAP_HEIGHT_CONE, CONEMAP_WRAP},
+    {"atlas, stored slopes", CONEMAP_EFFECT_POSITION | CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_OCCLUSION,
+     LIT_ATLAS, 1, CONEMAP_DUMMER, CONEMAP_CLAMP},
+    {"eight sectors, clip, holes, soft shadows",
+     CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SMOOTH_NORMAL,
+     0, 8, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP},
+    {"position alone", CONEMAP_EFFECT_POSITION, LIT_ARRAY | LIT_RANGE, 1, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP},
+    {"fragments", CONEMAP_EFFECT_CLIP | CONEMAP_EFFECT_HOLES | CONEMAP_EFFECT_CURVED | CONEMAP_EFFECT_POSITION |
+                      CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY,
+     LIT_FRAGMENT | LIT_RANGE, 1, CONEMAP_HEIGHT_CONE, CONEMAP_CLAMP},
+    {"fragments, sectors, colours", CONEMAP_EFFECT_UV | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_SMOOTH_NORMAL,
+     LIT_FRAGMENT, 4, CONEMAP_HEIGHT_CONE, CONEMAP_WRAP}};
+#define LIT ((int)(sizeof lightings / sizeof lightings[0]))
+
+static void fill_lighting(conemap_shader_desc *d, const struct lighting *l, conemap_dialect dialect)
+{
+    memset(d, 0, sizeof *d);
+    d->dialect = dialect;
+    d->stage = l->with & LIT_FRAGMENT ? CONEMAP_STAGE_FRAGMENT : CONEMAP_STAGE_COMPUTE;
+    d->flags = l->flags;
+    d->array = (l->with & LIT_ARRAY) != 0;
+    d->atlas = (l->with & LIT_ATLAS) != 0;
+    d->t_range = (l->with & LIT_RANGE) != 0;
+    d->map.wrap_u = l->wrap_u;
+    d->map.aspect = 0.8f;
+    d->map.texture.layout = l->layout;
+    d->map.texture.sectors = l->sectors > 1 ? l->sectors : 0;
+    if (dialect == CONEMAP_MSL && d->stage == CONEMAP_STAGE_FRAGMENT) d->flags |= CONEMAP_EFFECT_DEPTH;
+}
+
+static int has_lit_image(const conemap_shader_desc *d, int k)
+{
+    return k < 4 ? has_image(d, k) : (d->flags & (k == 4 ? CONEMAP_EFFECT_HOLES : CONEMAP_EFFECT_UV)) != 0;
+}
+
+/* Where the six targets stand among those that there are, or -1. Returns how many. The depth of fragments: behind. */
+static int lit_targets(unsigned flags, int places[LIT_TARGETS])
+{
+    int count = 1;
+    places[0] = 0;
+    places[1] = flags & CONEMAP_EFFECT_POSITION ? count++ : -1;
+    places[2] = flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL) ? count++ : -1;
+    places[3] = flags & CONEMAP_EFFECT_UV ? count++ : -1;
+    places[4] = flags & LIT_NUMBERS ? count++ : -1;
+    places[5] = flags & CONEMAP_EFFECT_DEPTH ? count++ : -1;
+    return count;
+}
+
+static int lit_arguments(const conemap_shader_desc *d, const struct lit_inputs *in, struct lit_argument *list)
+{
+    static const struct {
+        const char *name;
+        unsigned flags;
+        int count, whole;
+    } all[] = {{"settings.clip", CONEMAP_EFFECT_CLIP, 4, 0},
+               {"settings.clip_z", CONEMAP_EFFECT_DEPTH, 4, 0},
+               {"settings.clip_w", CONEMAP_EFFECT_DEPTH, 4, 0},
+               {"settings.light", CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_SOFT_SHADOW, 4, 0},
+               {"settings.light_radius", CONEMAP_EFFECT_SOFT_SHADOW, 1, 0},
+               {"settings.sky_reach", CONEMAP_EFFECT_SKY, 1, 0},
+               {"settings.sky_directions", CONEMAP_EFFECT_SKY, 1, 1},
+               {"settings.alpha_cut", CONEMAP_EFFECT_HOLES, 1, 0},
+               {"settings.lod_bias", CONEMAP_EFFECT_LOD, 1, 0},
+               {"settings.lod_steps", CONEMAP_EFFECT_LOD, 1, 1},
+               {"settings.level_count", CONEMAP_EFFECT_LOD, 1, 1},
+               {"settings.fade_begin", CONEMAP_EFFECT_FADE, 1, 0},
+               {"settings.fade_end", CONEMAP_EFFECT_FADE, 1, 0},
+               {"shape", ~0u, 4, 0},
+               {"curvature", CONEMAP_EFFECT_CURVED, 4, 0},
+               {"range", 0, 2, 0},
+               {"rect", 0, 4, 1},
+               {"slice", 0, 1, 1}};
+    const conemap_effects *e = &in->e;
+    const conemap_frame *f = &in->shape;
+    const float *m = e->view_projection;
+    const float values[][4] = {{e->clip[0], e->clip[1], e->clip[2], e->clip[3]},
+                               {m ? m[2] : 0, m ? m[6] : 0, m ? m[10] : 0, m ? m[14] : 0},
+                               {m ? m[3] : 0, m ? m[7] : 0, m ? m[11] : 0, m ? m[15] : 0},
+                               {e->light[0], e->light[1], e->light[2], (float)e->light_is_point},
+                               {e->light_radius},
+                               {e->sky_reach},
+                               {(float)e->sky_directions},
+                               {127.5f / 255.0f},
+                               {e->lod_bias},
+                               {(float)e->lod_steps},
+                               {(float)e->level_count},
+                               {e->fade_begin},
+                               {e->fade_end},
+                               {f->uv_scale[0], f->uv_scale[1], f->depth, f->level},
+                               {f->curvature[0], f->curvature[1], f->curvature[2]},
+                               {0.2f, 3.0f}, /* shade_draw's */
+                               {5, 3, (float)in->width, (float)in->height},
+                               {1}};
+    int k, count = 0;
+    for (k = 0; k < 18; ++k) {
+        const int there = k == 15   ? d->t_range && d->stage == CONEMAP_STAGE_FRAGMENT
+                          : k == 16 ? d->atlas
+                          : k == 17 ? d->array
+                                    : (d->flags & all[k].flags) != 0;
+        if (!there) continue;
+        list[count].name = all[k].name;
+        list[count].count = all[k].count;
+        list[count].whole = all[k].whole;
+        memcpy(list[count++].values, values[k], sizeof values[k]);
+    }
+    return count;
+}
+
+/* The same as bytes of WGSL's uniform buffer: whole vectors at multiples of their size, and what follows the settings
+   behind all of them. Returns how many, in floats. */
+static int lit_bytes(const conemap_shader_desc *d, const struct lit_inputs *in, float *bytes)
+{
+    struct lit_argument list[20];
+    const int count = lit_arguments(d, in, list);
+    int k, c, at = 0;
+    for (k = 0; k < count; ++k) {
+        at = (at + list[k].count - 1) / list[k].count * list[k].count;
+        for (c = 0; c < list[k].count; ++c, ++at) {
+            const int number = (int)list[k].values[c];
+            memcpy(bytes + at, list[k].whole ? (const void *)&number : (const void *)&list[k].values[c], sizeof number);
+        }
+    }
+    return (at + 3) / 4 * 4;
+}
+
+/* A scene for a lighting over a map of this kind, the same in every run. 0: no map. */
+static int lit_scene(const conemap_shader_desc *d, int n, int kind, conemap_map *levels, unsigned char *alpha,
+                     struct shade_job *jobs, struct lit_inputs *in)
+{
+    static float heights[LIT_WIDE * LIT_HIGH], values[LIT_WIDE * LIT_HIGH * 8];
+    struct zoo_random random = zoo_seed(7u * (unsigned)n + (unsigned)kind);
+    const int mips = d->flags & CONEMAP_EFFECT_LOD ? SHADE_LEVELS : 1;
+    conemap_desc build;
+    int k, level, c;
+    memset(&build, 0, sizeof build);
+    zoo_fill(kind, LIT_WIDE, LIT_HIGH, 5, heights);
+    build.heights.pixels = heights;
+    build.heights.width = in->width = LIT_WIDE;
+    build.heights.height = in->height = LIT_HIGH;
+    build.wrap_u = d->map.wrap_u;
+    build.aspect = d->map.aspect;
+    build.texture = d->map.texture;
+    if (conemap_build_levels(&build, levels, SHADE_LEVELS) != CONEMAP_OK) return 0;
+    shade_alpha(LIT_WIDE, LIT_HIGH, alpha);
+    shade_settings(&random, d->flags, levels, SHADE_LEVELS, alpha, &in->e);
+    shade_shape(&random, d->flags, d->map.aspect, &in->shape);
+    for (k = 0; k < LIT_RAYS; ++k) {
+        float *ray = in->rays + 32 * k;
+        memset(ray, 0, 32 * sizeof *ray);
+        shade_draw(&random, &in->e, &in->shape, d->t_range, &jobs[k]);
+        if (d->stage == CONEMAP_STAGE_FRAGMENT) memset(&jobs[k].gradient, 0, sizeof jobs[k].gradient);
+        memcpy(ray, jobs[k].ray.origin, 12);
+        ray[3] = jobs[k].ray.t_min;
+        memcpy(ray + 4, jobs[k].ray.direction, 12);
+        ray[7] = jobs[k].ray.t_max;
+        memcpy(ray + 8, jobs[k].frame.tangent, 12);
+        memcpy(ray + 12, jobs[k].frame.bitangent, 12);
+        memcpy(ray + 16, jobs[k].frame.normal, 12);
+        memcpy(ray + 20, jobs[k].frame.origin, 12);
+        memcpy(ray + 24, jobs[k].frame.uv_offset, 8);
+        memcpy(ray + 28, &jobs[k].gradient, 16);
+    }
+    for (k = 0; k < 5; ++k) in->images[k] = image_new(d, LIT_WIDE, LIT_HIGH, mips);
+    for (level = 0; level < mips; ++level) {
+        const int w = levels[level].info.width, h = levels[level].info.height;
+        for (k = 0; k < 2; ++k) {
+            const size_t size = conemap_texture_size(&levels[level], 0);
+            if (k == 1 && d->map.texture.sectors != 8) continue;
+            conemap_write_texture_at(&levels[level], k, values, sizeof values, 0);
+            image_fill(d, &in->images[k], level, w, h, (int)(size / sizeof(float)) / (w * h), values);
+        }
+        image_fill(d, &in->images[2], level, w, h, 1, levels[level].heights);
+    }
+    for (k = 0; k < LIT_WIDE * LIT_HIGH; ++k) values[k] = (float)alpha[k] / 255.0f;
+    image_fill(d, &in->images[4], 0, LIT_WIDE, LIT_HIGH, 1, values);
+    {
+        conemap_shader_desc plain;
+        memset(&plain, 0, sizeof plain);
+        in->images[5] = image_new(&plain, 4, 4, 1);
+        for (k = 0; k < 16; ++k)
+            for (c = 0; c < 4; ++c) values[4 * k + c] = 0.25f * (float)(c + 1);
+        image_fill(&plain, &in->images[5], 0, 4, 4, 4, values);
+    }
+    return 1;
+}
+
+static void write_lit_call(FILE *file, int number, const conemap_shader_desc *d, const struct lit_inputs *in)
+{
+    static const char *const names[LIT_TARGETS] = {"box", "position", "normal", "color", "numbers", "depth"};
+    const int compute = d->stage == CONEMAP_STAGE_COMPUTE, array = d->array;
+    struct lit_argument list[20];
+    const int count = lit_arguments(d, in, list);
+    int places[LIT_TARGETS], k, targets;
+    targets = lit_targets(d->flags, places);
+    fprintf(file, "namespace item%d {\n#include \"%d.metal\"\n", number, number);
+    fprintf(file, "static void call(const struct lit_inputs *in, const struct lit_argument *list, float *answers) {\n");
+    fprintf(file, "    conemap_shader::conemap_arguments given;\n    sampler s = {1, 1};\n    (void)s;\n");
+    if (compute) fprintf(file, "    given.conemap_ray_count = LIT_RAYS;\n");
+    for (k = 0; k < count; ++k) {
+        static const char *const makers[5] = {"", "", "float2", "", "float4"};
+        const char *maker = list[k].whole ? (list[k].count > 1 ? "int4" : "(int)") : makers[list[k].count];
+        fprintf(file, "    given.conemap_%s = %s(list[%d].values[0]", list[k].name, maker, k);
+        if (list[k].count > 1) fprintf(file, ", list[%d].values[1]", k);
+        if (list[k].count > 2) fprintf(file, ", list[%d].values[2], list[%d].values[3]", k, k);
+        fprintf(file, ");\n");
+    }
+    fprintf(file, "    for (uint ray = 0; ray < LIT_RAYS; ++ray) {\n");
+    if (!compute)
+        fprintf(file, "        float4 *answer = (float4 *)answers + %d * ray, *r = (float4 *)in->rays + 8 * ray;\n"
+                      "        conemap_shader::conemap_inputs inputs = {r[0].xyz, r[1].xyz, r[2].xyz, r[3].xyz,\n"
+                      "            r[4].xyz, r[5].xyz, r[6].xy};\n        discarded = false;\n        auto out = ",
+                targets);
+    fprintf(file, "conemap_main(");
+    for (k = 0; k < LIT_IMAGES; ++k)
+        if (has_lit_image(d, k))
+            fprintf(file, "as_texture<texture2d%s<float>>(&in->images[%d]), ", array && k < 5 ? "_array" : "", k);
+    if (has_lit_image(d, 5)) fprintf(file, "s, ");
+    fprintf(file, compute ? "given, (const float4 *)in->rays, (float4 *)answers, ray);\n" : "given, inputs);\n");
+    for (k = 0; k < LIT_TARGETS && !compute; ++k)
+        if (places[k] >= 0) fprintf(file, "        answer[%d] = make_float4(out.%s);\n", places[k], names[k]);
+    if (!compute) fprintf(file, "        if (discarded) answer[0].w = -1.0f;\n");
+    fprintf(file, "    }\n}\n}\n");
+}
+
+static void write_lit_json(const char *folder, int number, const conemap_shader_desc *d, int bytes)
+{
+    FILE *file = create(folder, number, ".json");
+    const int compute = d->stage == CONEMAP_STAGE_COMPUTE;
+    int places[LIT_TARGETS], binding = 0, k;
+    fprintf(file, "{\"compute\": %d, \"lit\": 1, \"entry\": \"conemap_main\", \"images\": [", compute);
+    for (k = 0; k < LIT_IMAGES; ++k) fprintf(file, "%s%d", k ? ", " : "", has_lit_image(d, k) ? binding++ : -1);
+    fprintf(file, "], \"array\": %d, \"sampler\": %d, \"wrap\": [1, 1], ", d->array,
+            has_lit_image(d, 5) ? binding++ : -1);
+    fprintf(file, "\"given\": %d, \"given_size\": %d, \"rays\": %d, ", binding, 4 * bytes, binding + 1);
+    fprintf(file, "\"targets\": %d, \"rays_count\": %d}\n", lit_targets(d->flags, places), LIT_RAYS);
+    fclose(file);
+}
+
+static void write_lit_inputs(const char *folder, int number, int kind, const float *bytes, int count,
+                             const struct lit_inputs *in)
+{
+    char ending[32];
+    FILE *file;
+    int k;
+    snprintf(ending, sizeof ending, "_%d.in", kind);
+    file = create(folder, number, ending);
+    fwrite(bytes, sizeof *bytes, (size_t)count, file);
+    for (k = 0; k < LIT_IMAGES; ++k) write_image(file, &in->images[k]);
+    fwrite(in->rays, sizeof in->rays, 1, file);
+    fclose(file);
+}
+
+static void judge_lighting(const struct lighting *l, const conemap_shader_desc *d, const conemap_map *map,
+                           const struct shade_job *jobs, const float *answers, struct shade_counts *counts)
+{
+    struct zoo_random random = zoo_seed(3);
+    int places[LIT_TARGETS], k, colors = 0;
+    const int targets = lit_targets(d->flags, places);
+    for (k = 0; k < LIT_RAYS; ++k) {
+        const float *answer = answers + 4 * targets * k, *numbers = answer + 4 * places[4];
+        struct shade_answer a;
+        memset(&a, 0, sizeof a);
+        a.t = answer[3];
+        a.found = a.t >= 0.0f;
+        memcpy(a.box, answer, sizeof a.box);
+        if (places[1] >= 0) memcpy(a.s.position, answer + 4 * places[1], sizeof a.s.position);
+        if (places[2] >= 0) memcpy(a.s.normal, answer + 4 * places[2], sizeof a.s.normal);
+        if (places[3] >= 0 && a.found) {
+            const float *color = answer + 4 * places[3];
+            colors += !(color[0] == 0.25f && color[1] == 0.5f && color[2] == 0.75f && color[3] == 1.0f);
+        }
+        if (places[4] >= 0) {
+            a.s.shadow = numbers[0];
+            a.s.occlusion = numbers[1];
+            a.s.level = numbers[2];
+            a.s.fade = numbers[3];
+        }
+        if (places[5] >= 0) a.s.depth = answer[4 * places[5]];
+        if (!shade_compare(map, NULL, &jobs[k], &a, &random, counts)) wrong("%s: refused on the CPU", l->name);
+    }
+    if (colors) wrong("%s: %d other colours", l->name, colors);
+}
+
+static void lights(const char *folder, conemap_dialect dialect, int writes, FILE *calls, int runs)
+{
+    static float answers[LIT_RAYS * 4 * LIT_TARGETS], bytes[80];
+    static struct lit_inputs in __attribute__((aligned(16)));
+    static struct shade_job jobs[LIT_RAYS];
+    static unsigned char alpha[LIT_WIDE * LIT_HIGH];
+    int n, kind, k;
+    for (n = 0; n < LIT; ++n) {
+        const struct lighting *l = &lightings[n];
+        const int number = LIT_FIRST + n;
+        struct shade_counts counts;
+        int places[LIT_TARGETS], size;
+        conemap_shader_desc d;
+        fill_lighting(&d, l, dialect);
+        memset(&counts, 0, sizeof counts);
+        for (kind = 0; kind < LIT_KINDS; ++kind) {
+            conemap_map levels[SHADE_LEVELS];
+            if (!lit_scene(&d, n, kind, levels, alpha, jobs, &in)) {
+                wrong("%s: build", l->name);
+                break;
+            }
+            d.map = levels[0].info;
+            d.map.width = d.map.height = 0;
+            size = lit_bytes(&d, &in, bytes);
+            if (kind == 0 && (writes || calls)) write_text(folder, number, l->name, &d);
+            if (kind == 0 && writes) write_lit_json(folder, number, &d, size);
+            if (kind == 0 && calls) write_lit_call(calls, number, &d, &in);
+            if (writes) write_lit_inputs(folder, number, kind, bytes, size, &in);
+#ifdef CALLS
+            if (runs) {
+                struct lit_argument list[20];
+                lit_arguments(&d, &in, list);
+                lit_calls[n](&in, list, answers);
+            }
+#endif
+            if (!writes && !calls) {
+                if (!runs && !read_answers(folder, number, kind, answers,
+                                           LIT_RAYS * 16u * (unsigned)lit_targets(d.flags, places)))
+                    wrong("%s: no answers", l->name);
+                judge_lighting(l, &d, &levels[0], jobs, answers, &counts);
+            }
+            for (k = 0; k < LIT_IMAGES; ++k) free(in.images[k].texels);
+            for (k = 0; k < SHADE_LEVELS; ++k) conemap_free(&levels[k]);
+        }
+        if (writes || calls) continue;
+        printf("%s %-42s %5d rays, %5d hits, %3d differ, %d not on an edge\n", dialect == CONEMAP_MSL ? "MSL" : "WGSL",
+               l->name, counts.rays, counts.hits, counts.different, counts.unexplained);
+        shaded += counts.rays;
+        if (counts.hits * 6 < counts.rays) wrong("%s: too few hits", l->name);
+        /* A ray to a light that starts 2^-20 over steep ground, or beside a side of the solid, may meet it by the last
+           bit, off any edge: one in a thousand, and in nothing but its shadow (32). */
+        if (counts.unexplained * 1000 > counts.rays || (counts.what & ~32u) || counts.different * 50 > counts.rays)
+            wrong("%s: %d rays differ, %d on no edge (%x)", l->name, counts.different, counts.unexplained, counts.what);
+    }
+}
+
 static void kernels(const char *folder, conemap_dialect dialect, int writes, FILE *calls, int runs)
 {
     static float heights[WIDE * HIGH], made[WIDE * HIGH * 4];
@@ -649,7 +1030,7 @@ int main(int argument_count, char **arguments)
             }
             d.map = map.info;
             if ((writes || texts) && kind == 0) {
-                write_text(folder, n, &d);
+                write_text(folder, n, item->name, &d);
                 if (writes) write_bindings(folder, n, &d);
                 if (texts) write_call(calls, n, &d);
             }
@@ -697,6 +1078,7 @@ int main(int argument_count, char **arguments)
         if (counts.misses) wrong("%s: %d misses", item->name, counts.misses);
     }
     kernels(folder, texts || runs ? CONEMAP_MSL : CONEMAP_WGSL, writes, calls, runs);
+    lights(folder, texts || runs ? CONEMAP_MSL : CONEMAP_WGSL, writes, calls, runs);
     if (texts) {
         fprintf(calls, "static void (*const kernel_calls[][%d])(struct grid *, const conemap_gpu_pass *) = {",
                 (int)CONEMAP_KERNEL_COUNT);
@@ -704,6 +1086,10 @@ int main(int argument_count, char **arguments)
             for (k = 0; k < CONEMAP_KERNEL_COUNT; ++k)
                 fprintf(calls, "%sitem%d::call%s", k ? ", " : n ? ", {" : "{", 100 * (n + 1) + k,
                         k + 1 == CONEMAP_KERNEL_COUNT ? "}" : "");
+        fprintf(calls, "};\n");
+        fprintf(calls, "static void (*const lit_calls[])(const struct lit_inputs *, const struct lit_argument *, "
+                       "float *) = {");
+        for (n = 0; n < LIT; ++n) fprintf(calls, "%sitem%d::call", n ? ", " : "", LIT_FIRST + n);
         fprintf(calls, "};\n");
         fprintf(calls, "static void (*const item_calls[])(const struct inputs *, float *) = {");
         for (n = 0; n < item_count; ++n) fprintf(calls, "%sitem%d::call", n ? ", " : "", n);
@@ -714,6 +1100,7 @@ int main(int argument_count, char **arguments)
     if (faults) wrong("%ld reads beyond a texture", faults);
 #endif
     if (!writes && !texts)
-        printf("%s run: %ld rays, %ld differ; %ld cones by kernels\n", dialect, rays_done, different_done, cones_made);
+        printf("%s run: %ld rays, %ld differ; %ld cones by kernels; %ld shaded\n", dialect, rays_done, different_done,
+               cones_made, shaded);
     return failures != 0;
 }

@@ -48,6 +48,27 @@ fn vertices(@builtin(vertex_index) n: u32) -> to_fragment {
     return to_fragment(vec4f(p.x, -p.y, 0.0, 1.0), rays[2u * n].xyz, rays[2u * n + 1u].xyz);
 }`;
 
+// And what one with effects gets.
+const corners = `
+struct to_fragment {
+    @builtin(position) place: vec4f,
+    @location(0) origin: vec3f,
+    @location(1) direction: vec3f,
+    @location(2) tangent: vec3f,
+    @location(3) bitangent: vec3f,
+    @location(4) normal: vec3f,
+    @location(5) point: vec3f,
+    @location(6) uv: vec2f,
+}
+@group(1) @binding(0) var<storage, read> rays: array<vec4f>;
+@vertex
+fn vertices(@builtin(vertex_index) n: u32) -> to_fragment {
+    let p = (vec2f(f32(n % 32u), f32(n / 32u)) + 0.5) / 16.0 - 1.0;
+    let r = 8u * n;
+    return to_fragment(vec4f(p.x, -p.y, 0.0, 1.0), rays[r].xyz, rays[r + 1u].xyz, rays[r + 2u].xyz, rays[r + 3u].xyz,
+        rays[r + 4u].xyz, rays[r + 5u].xyz, rays[r + 6u].xy);
+}`;
+
 // A cone map by its passes, for each of the maps.
 async function make(device, folder, n) {
   const is = JSON.parse(readFileSync(join(folder, `${n}.json`), 'utf8')), pipelines = {};
@@ -110,12 +131,14 @@ async function run(folder) {
     return 77;
   }
   console.log(adapter.info.description);
-  const device = await adapter.requestDevice({ requiredFeatures: ['float32-filterable'] });
+  const device = await adapter.requestDevice({
+    requiredFeatures: ['float32-filterable'], requiredLimits: { maxColorAttachmentBytesPerSample: 64 } });
   let failed = 0;
   device.onuncapturederror = ({ error }) => {
     if (++failed <= 10) console.log(error.message);
   };
-  for (let n = 0; existsSync(join(folder, `${n}.wgsl`)); ++n) {
+  for (let n = 0; n < 100; ++n) { // tracers, then effects
+    if (!existsSync(join(folder, `${n}.wgsl`))) continue;
     const is = JSON.parse(readFileSync(join(folder, `${n}.json`), 'utf8'));
     const code = readFileSync(join(folder, `${n}.wgsl`), 'utf8'), count = is.rays_count;
     const module = device.createShaderModule({ code });
@@ -124,23 +147,23 @@ async function run(folder) {
       ? device.createComputePipeline({ layout: 'auto', compute: { module, entryPoint: is.entry } })
       : device.createRenderPipeline({
           layout: 'auto',
-          vertex: { module: device.createShaderModule({ code: vertices }), entryPoint: 'vertices' },
+          vertex: { module: device.createShaderModule({ code: is.lit ? corners : vertices }), entryPoint: 'vertices' },
           fragment: { module, entryPoint: is.entry, targets },
           primitive: { topology: 'point-list' },
         });
     for (let kind = 0; existsSync(join(folder, `${n}_${kind}.in`)); ++kind) {
       const { buffer: file, byteOffset, byteLength } = readFileSync(join(folder, `${n}_${kind}.in`));
       const data = file.slice(byteOffset, byteOffset + byteLength), made = [], entries = [];
-      let at = 48;
+      let at = is.given_size ?? 48;
       const bufferOf = (bytes, usage) => {
         const buffer = device.createBuffer({ size: bytes.byteLength, usage: usage | GPUBufferUsage.COPY_DST });
         device.queue.writeBuffer(buffer, 0, bytes);
         made.push(buffer);
         return buffer;
       };
-      const given = bufferOf(data.slice(0, 48), GPUBufferUsage.UNIFORM);
+      const given = bufferOf(data.slice(0, at), GPUBufferUsage.UNIFORM);
       if (is.given >= 0) entries.push({ binding: is.given, resource: { buffer: given } });
-      for (const binding of is.images) {
+      for (const [k, binding] of is.images.entries()) {
         const [width, height, slices, levels] = new Int32Array(data, at, 4);
         at += 16;
         const texture = device.createTexture({
@@ -156,7 +179,7 @@ async function run(folder) {
             { texture, mipLevel }, data.slice(at, at + size), { bytesPerRow: w * 16, rowsPerImage: h }, [w, h, slices]);
           at += size;
         }
-        const resource = texture.createView({ dimension: is.array ? '2d-array' : '2d' });
+        const resource = texture.createView({ dimension: is.array && k < 5 ? '2d-array' : '2d' });
         if (binding >= 0) entries.push({ binding, resource });
       }
       if (is.sampler >= 0) {
@@ -194,7 +217,7 @@ async function run(folder) {
         pass.draw(count);
         pass.end();
         pictures.forEach((texture, k) => encoder.copyTextureToBuffer(
-          { texture }, { buffer: back, offset: k * count * 16, bytesPerRow: 512 }, [32, 32]));
+          { texture }, { buffer: back, offset: k * count * 16, bytesPerRow: 512 }, [32, count / 32]));
       }
       device.queue.submit([encoder.finish()]);
       await back.mapAsync(GPUMapMode.READ);
