@@ -1093,7 +1093,8 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    exactly where they share an ellipse, so at relative height 0 of fitted joints.
 
    Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show a
-   notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not from the outline. An elliptical cross-section keeps its shape
+   notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not
+   from the outline. An elliptical cross-section keeps its shape
    and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
    sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
    segments always.
@@ -8417,7 +8418,7 @@ typedef struct conemap__piece {
     char text[CONEMAP__PIECE_SIZE];
 } conemap__piece;
 
-#define CONEMAP__PIECES 176
+#define CONEMAP__PIECES 200
 #define CONEMAP__NAME_SIZE 64
 #define CONEMAP__TABLES 4      /* of snippets, each closed by a null name */
 #define CONEMAP__TABLE_SIZE 96 /* snippets in one at most */
@@ -8518,7 +8519,8 @@ static void conemap__append_float(char *text, size_t size, float value) {
 
 static char *conemap__piece_new(conemap__emitter *e, const char *name, int raw) {
     conemap__piece *piece = &e->pieces[e->piece_count];
-    if (e->piece_count < CONEMAP__PIECES - 1) ++e->piece_count; /* with too few, texts lack words: the compilers tell */
+    if (e->piece_count < CONEMAP__PIECES - 1) ++e->piece_count;
+    else e->clash = 1; /* never: there is room for all */
     piece->name = name;
     piece->raw = raw;
     piece->text[0] = 0;
@@ -9428,7 +9430,8 @@ static void conemap__make_pieces(conemap__emitter *e) {
     if (both)
         conemap__sample_texture(e, conemap__piece_new(e, "SAMPLE_CONE", 0), map, "uv", cone_swizzle);
     else
-        conemap__piece_set(e, "SAMPLE_CONE", 0, array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
+        conemap__piece_set(e, "SAMPLE_CONE", 0,
+                           array ? "conemap_cone(uv.x, uv.y, sector, slice)" : "conemap_cone(uv.x, uv.y, sector)");
     for (k = 0; k < 2; ++k)
         conemap__gather_texture(e, conemap__piece_new(e, k == 0 ? "GATHER_HEIGHTS" : "GATHER_CONES", 0),
                                 k == 0 ? height_texture : map, k == 1 && !f[conemap__flag_cone_only]);
@@ -12080,7 +12083,8 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
 
 /* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
    mixed by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the
-   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal lean back along the cutting plane's own normal, the same from both sides
+   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal
+   lean back along the cutting plane's own normal, the same from both sides
    of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
     double end[2][3], v = conemap__clamp01(at->v), m, wide_x = 0.0, wide_z = 0.0;
@@ -12908,8 +12912,8 @@ static conemap_result conemap__read_segments(const conemap_skeleton_desc *desc, 
     return CONEMAP_OK;
 }
 
-/* Of each segment's children one continues it; round joins; then the order of the work, chain by chain. A segment that no root leads
-   to is part of a cycle. */
+/* Of each segment's children one continues it; round joins; then the order of the work, chain by chain. A segment that
+   no root leads to is part of a cycle. */
 static conemap_result conemap__order_segments(conemap_skeleton *skeleton, const conemap_joint *joints) {
     conemap_frustum *frusta = skeleton->build.frusta;
     int *stack = skeleton->build.leaves, depth = 0, done = 0, i, at;
