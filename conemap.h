@@ -965,9 +965,8 @@ typedef struct conemap_shader_desc {
    size: if not null, receives the bytes needed, the zero included, whenever the desc is valid.
    Errors, all without a byte written: NULL (desc, or both pointers); BUFFER (capacity below the size); ENUM; PARAMETER
    (a number out of range; a name that is no identifier, equals another or is a word of the text itself; in WGSL also
-   `let`, `select` and other words of its own); UNSUPPORTED
-   (the dialect lacks it, or two options exclude each other). The same desc gives the same text. Thread-safe, allocates
-   nothing. */
+   `let`, `select` and other words of its own); UNSUPPORTED (the dialect lacks it, or two options exclude each other).
+   The same desc gives the same text. Thread-safe, allocates nothing, takes 96 KB of stack. */
 CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *text, size_t capacity, size_t *size);
 
 /* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
@@ -1094,10 +1093,9 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
 
    Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show a
    notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not
-   from the outline. An elliptical cross-section keeps its shape
-   and, but for the least rotation in bends, its direction along a segment: it is one cone, scaled. With elliptical
-   sections what is said of joints above holds where an axis of the section lies in the bend's plane, and for untapered
-   segments always.
+   from the outline. An elliptical cross-section keeps its shape and, but for the least rotation in bends, its direction
+   along a segment: it is one cone, scaled. With elliptical sections what is said of joints above holds where an axis of
+   the section lies in the bend's plane, and for untapered segments always.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -1391,7 +1389,7 @@ typedef struct conemap_frusta_shader_desc {
 
 /* Writes a shader, in the way and with the errors of conemap_emit. UNSUPPORTED too: a map that does not wrap in u or
    ends with NOTHING in v; cone steps over relaxed cones or with linear_v; a map with sectors; effects that frusta do
-   not have, lack the relief or the cones for, or with any_hit. Thread-safe, allocates nothing. */
+   not have, lack the relief or the cones for, or with any_hit. Thread-safe, allocates nothing, takes 96 KB of stack. */
 CONEMAP_API conemap_result conemap_emit_frusta(const conemap_frusta_shader_desc *desc, char *text, size_t capacity,
                                                size_t *size);
 
