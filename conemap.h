@@ -17023,6 +17023,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__FINEST
 #undef CONEMAP__WIDE
 #undef CONEMAP__NOTED
+#undef CONEMAP__DIRTY
 #undef CONEMAP__TANGENT_MARGIN
 #undef CONEMAP__KNOWN
 #undef CONEMAP__VERIFY_DEPTH
