@@ -9,6 +9,8 @@ mkdir -p "$work" out
 warn="-Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wundef -Werror"
 whole="tests/*.c"
 suite="-DTEST_NO_COPIES $(ls tests/*.c | grep -v /static_)" # without the private copies, which take long to compile
+few="-DTEST_FEW tests/main.c tests/truth.c tests/safe.c tests/updates.c tests/stability.c tests/formats.c tests/samples.c
+     tests/tracers.c tests/builds.c tests/inputs.c"
 strict="-ffp-contract=off"
 make -s build/written/done || exit 1 # emitted C that is among the tests
 rm -f "$work/counts" "$work/ok" "$work/failed" "$work/skipped"
@@ -77,6 +79,7 @@ warnings() { # COMPILER STANDARD SUFFIX: all levels for the oldest standards; fo
     local f o levels=-fsyntax-only
     case "$2" in c99 | c++11) levels="-O0 -O2 -O3" ;; esac
     for f in use impl static; do
+        [ $f = static ] && levels=${levels##* } # the highest alone
         for o in $levels; do
             # shellcheck disable=SC2086
             "$1" -std="$2" $warn $o -I. -c "$work/$f.$3" -o "$dir/w.o" || return 1
@@ -143,7 +146,7 @@ CHECK_FILTER=
 quicker="truth/ updates/ stability/ formats/ samples/ tracers/ builds/ inputs/ header/ directional/ kernels/ frusta/ effects/ plan/ packets/"
 need "suite clang -O2" clang && part "suite clang -O2" suite_run "" clang -std=c99 $strict -O2 -DVERIFY_SIDE=128
 need "suite gcc -O0" gcc && suite=$whole CHECK_FILTER=$quicker part "suite gcc -O0" suite_run "" gcc -std=c99 $strict -O0
-need "suite gcc -O3 -march=native" gcc && part "suite gcc -O3 -march=native" suite_run "" gcc -std=gnu11 $strict -O3 -march=native
+need "suite gcc -O3 -march=native" gcc && CHECK_FILTER=$quicker part "suite gcc -O3 -march=native" suite_run "" gcc -std=gnu11 $strict -O3 -march=native
 need "suite clang -O3 -march=native" clang && CHECK_FILTER=$quicker part "suite clang -O3 -march=native" suite_run "" clang -std=gnu11 $strict -O3 -march=native
 need "suite g++ -std=c++11" g++ && CHECK_FILTER=$quicker part "suite g++ -std=c++11" suite_run "" "g++ -x c++" -std=c++11 $strict -O2
 need "suite tcc" tcc && CHECK_FILTER=$quicker part "suite tcc" suite_run "" tcc -std=c99
@@ -253,7 +256,7 @@ need "sanitizers clang" clang &&
 need "sanitizers gcc" gcc && CHECK_FILTER="$quicker oracle/ verify/ emit/" part "sanitizers gcc" suite_run "" gcc -O1 $sanitize
 valgrind_run() {
     # shellcheck disable=SC2086
-    gcc -std=c99 $strict -DSTABILITY_RAYS=30000 -g -O2 -I. $suite -o "$dir/suite" -lm || return 1
+    gcc -std=c99 $strict -DSTABILITY_RAYS=30000 -g -O2 -I. $few -o "$dir/suite" -lm || return 1
     local area
     for area in formats/ builds/ inputs/ samples/ safe/bands; do
         valgrind -q --error-exitcode=9 --leak-check=full "$dir/suite" $area || return 1
@@ -274,7 +277,7 @@ foreign() { # COMPILER EMULATOR FLAGS...
     local compiler=$1 emulator=$2
     shift 2
     # shellcheck disable=SC2086
-    $compiler -std=c99 -static -O1 $strict -DSTABILITY_RAYS=30000 -I. "$@" $suite -o "$dir/foreign" -lm || return 1
+    $compiler -std=c99 -static -O1 $strict -DSTABILITY_RAYS=30000 -I. "$@" $few -o "$dir/foreign" -lm || return 1
     local area
     for area in formats/ inputs/ samples/ safe/bands "safe/relaxed c" updates/errors; do emulated $emulator "$dir/foreign" "$area" || return 1; done
 }
@@ -286,7 +289,7 @@ for target in aarch64:aarch64-linux-gnu: s390x:s390x-linux-gnu:-fexcess-precisio
 done
 x87() {
     # shellcheck disable=SC2086
-    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -DSTABILITY_RAYS=30000 -I. $suite -o "$dir/foreign" -lm || return 1
+    i686-linux-gnu-gcc -std=c99 -static -O2 -mfpmath=387 -mno-sse -DSTABILITY_RAYS=30000 -I. $few -o "$dir/foreign" -lm || return 1
     qemu-i386 "$dir/foreign" tracers/vertical && qemu-i386 "$dir/foreign" stability
 }
 need "guarantees x87" i686-linux-gnu-gcc qemu-i386 && part "guarantees x87" x87
@@ -296,12 +299,14 @@ windows() {
 }
 need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" windows
 
-# ---- a hundred million hard rays: no miss with what is proven, and what is not proven must be found out -------------
+# ---- thirty million hard rays, a hundred with LONG=1: no miss with what is proven, and what is not is found out --------
+rays=${STABILITY_RAYS:-30000000} proven=3000000
+[ -n "${LONG:-}" ] && rays=100000000 proven=10000000
 stability() {
     local parts part pids="" bad=0
     parts=$(nproc 2>/dev/null || echo 2)
     # shellcheck disable=SC2086
-    gcc -std=c99 -O2 $strict -DSTABILITY_MAIN -DSTABILITY_RAYS="${STABILITY_RAYS:-100000000}" -I. tests/stability.c \
+    gcc -std=c99 -O2 $strict -DSTABILITY_MAIN -DSTABILITY_RAYS=$rays -I. tests/stability.c \
         -o "$dir/stability" -lm || return 1
     rm -f "$dir"/part.*
     for ((part = 0; part < parts; ++part)); do
@@ -312,9 +317,9 @@ stability() {
     tail -qn 1 "$dir"/part.* | awk '{r+=$1; m+=$3; f+=$5} END {print r " rays, " m " misses, " f " false hits"}' | tee -a "$work/counts"
     [ $bad = 0 ] || { grep -h '^tests/stability' "$dir"/part.* | head; return 1; }
 }
-need "stability, 100 million rays" gcc && part "stability, 100 million rays" stability
+need "stability, $rays rays" gcc && part "stability, $rays rays" stability
 
-# ---- ten million bilinear cells of guaranteed maps, proven empty by bound ------------------------------------------
+# ---- three million bilinear cells of guaranteed maps, ten with LONG=1, proven empty by bound -------------------------
 cells() {
     local parts part pids="" bad=0
     parts=$(nproc 2>/dev/null || echo 2)
@@ -322,14 +327,14 @@ cells() {
     gcc -std=c99 -O2 $strict -I. tests/long/cells.c -o "$dir/cells" -lm || return 1
     rm -f "$dir"/part.*
     for ((part = 0; part < parts; ++part)); do
-        "$dir/cells" 10000000 $part "$parts" >"$dir/part.$part" &
+        "$dir/cells" $proven $part "$parts" >"$dir/part.$part" &
         pids="$pids $!"
     done
     for part in $pids; do wait "$part" || bad=1; done
     tail -qn 1 "$dir"/part.* | tee -a "$work/counts"
     [ $bad = 0 ] || { cat "$dir"/part.*; return 1; }
 }
-need "cells, 10 million by bound" gcc && part "cells, 10 million by bound" cells
+need "cells, $proven by bound" gcc && part "cells, $proven by bound" cells
 
 # ---- ten million shadow rays: no leak, no false shadow; a flight away from a map: no frame that pops ------------------
 shadows() {
@@ -365,16 +370,15 @@ need "aperture of safe cones" gcc && part "aperture of safe cones" aperture
 
 # ---- a million rays against frusta, and ten times the quick run's relief ------------------------------------------------
 frusta() {
-    # shellcheck disable=SC2086
-    gcc -std=c99 -O2 $strict -I. $suite -o "$dir/suite" -lm || return 1
-    FRUSTA_RAYS=${FRUSTA_RAYS:-1000000} "$dir/suite" frusta/ | tee -a "$dir/out" || return 1
+    make -s build/tests || return 1
+    FRUSTA_RAYS=${FRUSTA_RAYS:-1000000} ./build/tests frusta/ | tee -a "$dir/out" || return 1
     grep -q ' 0 failed' "$dir/out"
 }
 need "frusta, a million rays" gcc && part "frusta, a million rays" frusta
 
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
-    clang -std=c99 -g -O1 -fsanitize=fuzzer,address,undefined -I. tests/long/fuzz.c -o "$dir/fuzz" -lm || return 1
+    clang -std=c99 -g -O0 -fsanitize=fuzzer,address,undefined -I. tests/long/fuzz.c -o "$dir/fuzz" -lm || return 1
     mkdir -p "$dir/corpus"
     "$dir/fuzz" -seed=1 -runs=40000 -max_len=700 -max_total_time=60 "$dir/corpus"
 }
@@ -541,7 +545,7 @@ elsewhere() { # a clean copy in a folder whose name has spaces
     rm -rf "$copy"
     mkdir -p "$copy"
     cp -r conemap.h Makefile tests examples "$copy/"
-    make -C "$copy" -j2 all >/dev/null && make -C "$copy" demo && make -C "$copy" clean
+    make -C "$copy" build/hello && make -C "$copy" demo && make -C "$copy" clean
 }
 need "clean copy in a path with spaces" make && part "clean copy in a path with spaces" elsewhere
 

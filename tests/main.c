@@ -84,21 +84,22 @@ int main(int argument_count, char **arguments)
         {"emit", emit_tests},
         {"emit_frusta", emit_frusta_tests},
         {"shading", shading_tests},
-#else
+#elif !defined TEST_FEW
         {"kernels", kernels_tests},
 #endif
 #if !defined TEST_KERNELS_ONLY && !defined TEST_WRITE /* the first: what other instruction sets are tested with */
         {"truth", truth_tests},
-        {"oracle", oracle_tests},
         {"safe", safe_tests},
         {"updates", updates_tests},
-        {"verify", verify_tests},
         {"stability", stability_tests},
         {"formats", formats_tests},
         {"samples", samples_tests},
         {"tracers", tracers_tests},
         {"builds", builds_tests},
         {"inputs", inputs_tests},
+#ifndef TEST_FEW /* what goes through emulators and valgrind */
+        {"oracle", oracle_tests},
+        {"verify", verify_tests},
         {"header", header_tests},
         {"directional", directional_tests},
         {"emit", emit_tests},
@@ -109,6 +110,7 @@ int main(int argument_count, char **arguments)
         {"shading", shading_tests},
         {"plan", plan_tests},
         {"packets", packets_tests},
+#endif
 #endif
     };
     const char *filter = argument_count > 1 ? arguments[1] : NULL;
