@@ -153,7 +153,7 @@ need "suite tcc" tcc && CHECK_FILTER=$quicker part "suite tcc" suite_run "" tcc 
 # These keep the guarantees but not the bits, so only tests of guarantees are asked.
 for flags in "-Ofast -march=native" "-O2 -ffast-math"; do
     # shellcheck disable=SC2086
-    need "guarantees gcc $flags" gcc && CHECK_FILTER="tracers/ stability/" part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
+    need "guarantees gcc $flags" gcc && suite=$few CHECK_FILTER="tracers/ stability/" part "guarantees gcc $flags" suite_run "" gcc -std=c99 $flags
 done
 
 # ---- instruction sets: every one that a machine or an emulator here has, against plain C ------------------------------
@@ -300,8 +300,8 @@ windows() {
 need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" windows
 
 # ---- thirty million hard rays, a hundred with LONG=1: no miss with what is proven, and what is not is found out --------
-rays=${STABILITY_RAYS:-30000000} proven=3000000
-[ -n "${LONG:-}" ] && rays=100000000 proven=10000000
+rays=${STABILITY_RAYS:-30000000} proven=1500000 frusta_rays=${FRUSTA_RAYS:-300000}
+[ -n "${LONG:-}" ] && rays=100000000 proven=10000000 frusta_rays=1000000
 stability() {
     local parts part pids="" bad=0
     parts=$(nproc 2>/dev/null || echo 2)
@@ -319,7 +319,7 @@ stability() {
 }
 need "stability, $rays rays" gcc && part "stability, $rays rays" stability
 
-# ---- three million bilinear cells of guaranteed maps, ten with LONG=1, proven empty by bound -------------------------
+# ---- bilinear cells of guaranteed maps, proven empty by bound; ten million with LONG=1 --------------------------------
 cells() {
     local parts part pids="" bad=0
     parts=$(nproc 2>/dev/null || echo 2)
@@ -368,13 +368,13 @@ aperture() {
 }
 need "aperture of safe cones" gcc && part "aperture of safe cones" aperture
 
-# ---- a million rays against frusta, and ten times the quick run's relief ------------------------------------------------
+# ---- rays against frusta, a million with LONG=1, and as many times the quick run's relief --------------------------------
 frusta() {
     make -s build/tests || return 1
-    FRUSTA_RAYS=${FRUSTA_RAYS:-1000000} ./build/tests frusta/ | tee -a "$dir/out" || return 1
+    FRUSTA_RAYS=$frusta_rays ./build/tests frusta/ | tee -a "$dir/out" || return 1
     grep -q ' 0 failed' "$dir/out"
 }
-need "frusta, a million rays" gcc && part "frusta, a million rays" frusta
+need "frusta, $frusta_rays rays" gcc && part "frusta, $frusta_rays rays" frusta
 
 # ---- fuzzing: baked bytes and build settings --------------------------------------------------------------------
 fuzz() {
@@ -467,7 +467,7 @@ case "frusta shaders in HLSL" in
     elif ! dlls; then
         skip "shaders in HLSL" "Microsoft compilers (npm could not fetch them; HLSL_DLLS can name a folder)"
     else
-        part "shaders in HLSL" shaders hlsl
+        SHADER_SAMPLES=${SHADER_SAMPLES:-100} part "shaders in HLSL" shaders hlsl
         part "frusta shaders in HLSL" shaders hlsl frusta_variants
     fi
     ;;
