@@ -24,6 +24,15 @@ static struct zoo_random chance;
 static struct shade_counts total;
 static int variants_done;
 
+static void add_up(const struct shade_counts *counts)
+{
+    total.rays += counts->rays;
+    total.hits += counts->hits;
+    total.different += counts->different;
+    total.unexplained += counts->unexplained;
+    ++variants_done;
+}
+
 /* ---- maps and their textures ---- */
 
 struct scene {
@@ -412,11 +421,7 @@ static int run(const char *name, const conemap_shader_desc *given_desc, int kind
               counts.unexplained, counts.what);
     if (colors) wrong("%s, flags %x: %d colours of another mip", name, d.flags, colors);
     if (gl.GetError() != 0) wrong("%s, flags %x: a GL error", name, d.flags);
-    total.rays += counts.rays;
-    total.hits += counts.hits;
-    total.different += counts.different;
-    total.unexplained += counts.unexplained;
-    ++variants_done;
+    add_up(&counts);
     gl.DeleteTextures(4, textures);
     gl.DeleteProgram(p);
     scene_free(&s);
@@ -763,11 +768,7 @@ static void draw_shot(const struct shot *shot, int es, unsigned char *picture)
         wrong("%s: %d colours, %d depths, %d of them against the promise, moved by %g", shot->name, colors, deep, bounds,
               (double)worst);
     if (gl.GetError() != 0) wrong("%s: a GL error", shot->name);
-    total.rays += counts.rays;
-    total.hits += counts.hits;
-    total.different += counts.different;
-    total.unexplained += counts.unexplained;
-    ++variants_done;
+    add_up(&counts);
     gl.DeleteTextures(4, textures);
     gl.DeleteProgram(p);
     scene_free(&s);
