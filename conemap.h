@@ -3671,8 +3671,10 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
       octants. P seen from v is met if v - p is in the sector.
    5. A corner counts if a patch it belongs to may be met: in the quadrant, border included, and in an octant up to one
       texel beyond its diagonal. Then all corners of a patch that is met count, and the one with the largest bound finds
-      it. A border that does not wrap is the edge of cells on one side only, so the missing ones are added, level
-      across: they have the edge's heights, farther away.
+      it. A border that does not wrap is the edge of cells on one side only, so where a vertex looks at cells the
+      missing ones are added, level across: they have the edge's heights, farther away. Seen from a vertex they add
+      nothing: where no other cell is seen, vertex and edge lie on one line, along which a slope is largest at the
+      edge's ends.
    7. A projection may turn r from one octant into the other, not out of its quadrant. So where p or q lies in a border
       cell of CLAMP, or in a map of one row or column, octants count as quadrants: for patches, vertices and gradients
       there.
@@ -3703,20 +3705,14 @@ CONEMAP__INLINE int conemap__inner_cell(int i, int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP || (i >= 0 && i < conemap__maxi(size - 1, 1));
 }
 
-/* With sectors there is one cell more beyond each border, level across: it stands for the border's edge in the sectors
-   that lead out, and beyond. */
 CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
-    if (map->info.texture.sectors > 1)
-        return (map->info.wrap_u == CONEMAP_WRAP || (i >= -1 && i < map->info.width)) &&
-               (map->info.wrap_v == CONEMAP_WRAP || (j >= -1 && j < map->info.height));
     return conemap__inner_cell(i, map->info.width, map->info.wrap_u) &&
            conemap__inner_cell(j, map->info.height, map->info.wrap_v);
 }
 
-/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its
-   cone. */
-CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int per_cell) {
-    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
+/* With per_cell a cell beyond a border has the last one's cone. */
+CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 2));
 }
 
 /* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with
@@ -4453,27 +4449,19 @@ static void conemap__safe_start(const conemap__band *band, float least) {
     }
 }
 
-/* The cells of row j that have their place in the band, seen in a sector or where they fall. */
+/* The cells of row j, seen in a sector or where they fall. */
 static void conemap__cells_row(const conemap__outlook *outlook, const conemap__band *band, int j) {
     const conemap_map *map = band->map;
     const conemap_info *info = &map->info;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    int place = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell), w = info->width, x;
-    int count, end, run;
-    float *known, *out;
-    if (place < band->y0 || place >= band->y1 || !conemap__cell_exists(map, 0, j)) return;
-    known = band->plane + (size_t)place * (size_t)w;
-    out = band->cell_slopes + (size_t)place * (size_t)w;
-    count = info->wrap_u != CONEMAP_WRAP && (info->texture.per_cell || outlook->relaxed) ? conemap__maxi(w - 1, 1) : w;
-    conemap__columns(map, band->sector.number, place, &x, &end);
-    end = conemap__mini(end, count);
-    for (; (run = conemap__next_run(map, band->sector.number, &x, end, place, CONEMAP__SEARCH)) > 0; x += run)
+    int w = info->width, x, end, run;
+    const float *known = band->plane + (size_t)j * (size_t)w;
+    float *out = band->cell_slopes + (size_t)j * (size_t)w;
+    if (!conemap__cell_exists(map, 0, j)) return;
+    conemap__columns(map, band->sector.number, j, &x, &end);
+    if (info->wrap_u != CONEMAP_WRAP) end = conemap__mini(end, conemap__maxi(w - 1, 1));
+    for (; (run = conemap__next_run(map, band->sector.number, &x, end, j, CONEMAP__SEARCH)) > 0; x += run)
         kernels->cells_row(outlook, j, known, x, run, out + x);
-    /* those that have their place elsewhere */
-    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP)
-        kernels->cells_row(outlook, j, known, -1, 1, out);
-    if (conemap__cell_exists(map, w - 1, j) && count < w)
-        kernels->cells_row(outlook, j, known, w - 1, 1, out + count - 1);
 }
 
 /* Relaxed cones, or those of a sector. */
@@ -4509,7 +4497,7 @@ static conemap_result conemap__part_band(const conemap__band *band, conemap__sea
                 result = conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
         }
     conemap__find_sights(band, search->near2, -1, &sights);
-    for (y = band->y0 - 1; result == CONEMAP_OK && y <= band->y1; ++y) conemap__cells_row(&outlook, band, y);
+    for (y = band->y0; result == CONEMAP_OK && y < band->y1; ++y) conemap__cells_row(&outlook, band, y);
     return result;
 }
 
@@ -4924,7 +4912,7 @@ static void conemap__mark_block(const conemap__edit *edit, int block_u, int bloc
 
 /* Does the search at vertex u serve the cone at v? On one axis. */
 CONEMAP__INLINE int conemap__serves(int u, int v, int size, conemap_wrap wrap, int per_cell) {
-    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap, 1) : v);
+    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap) : v);
     return behind <= 1 && behind >= (per_cell ? 0 : -1);
 }
 
