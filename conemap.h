@@ -120,9 +120,9 @@ extern "C" {
    An axis of a single texel is constant along its length; NOTHING there is treated as CLAMP.
 
    A cone stands on the surface, point down. What it holds nothing of is the map's guarantee (conemap_guarantee): by
-   default the bilinear surface, with VERTEX the other texels' vertices. It is kept as the tangent of
-   its half angle, horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are
-   sqrt(du^2 + (aspect dv)^2): aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
+   default the bilinear surface, with VERTEX the other texels' vertices. It is kept as the tangent of its half angle,
+   horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are sqrt(du^2 + (aspect dv)^2):
+   aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
 
    Cones are built from the heights as the texture will hold them (decoded and quantised) and rounded down,
    so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones
@@ -1031,9 +1031,10 @@ typedef struct conemap_gpu_pass {
    set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
    maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
    other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
-   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level,
-   sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
-   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS are
+   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last,
+   level, sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
+   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS
+   are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -1091,11 +1092,11 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    u is the eccentric anomaly of the two cuts' ellipses instead of the angle, mixed by v, and both sides agree in it:
    exactly where they share an ellipse, so at relative height 0 of fitted joints.
 
-   Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show a
-   notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not
-   from the outline. An elliptical cross-section keeps its shape and, but for the least rotation in bends, its direction
-   along a segment: it is one cone, scaled. With elliptical sections what is said of joints above holds where an axis of
-   the section lies in the bend's plane, and for untapered segments always.
+   Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show
+   a notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but
+   not from the outline. An elliptical cross-section keeps its shape and, but for the least rotation in bends, its
+   direction along a segment: it is one cone, scaled. With elliptical sections what is said of joints above holds where
+   an axis of the section lies in the bend's plane, and for untapered segments always.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -1881,7 +1882,7 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     }
 }
 
-/* Of the lowest 8. */
+/* Of the lowest 16. */
 CONEMAP__INLINE int conemap__count_bits(int bits) {
     bits -= bits >> 1 & 0x5555;
     bits = (bits & 0x3333) + (bits >> 2 & 0x3333);
@@ -2135,10 +2136,9 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
    K E R N E L S
 
    What is done to row after row of texels is written once, at the end of this file, in the macros below, and compiled
-   once
-   for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew each
-   time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all instruction
-   sets give the same bits; with one lane it is plain C.
+   once for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew
+   each time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all
+   instruction sets give the same bits; with one lane it is plain C.
 
    Types CONEMAP__F, CONEMAP__I, CONEMAP__M hold CONEMAP__LANES floats, int32s and truth values:
        F1 I1              the same number in all lanes         LOADF LOADI STOREF STOREI   any alignment
@@ -3244,8 +3244,8 @@ static conemap_isa conemap__best_isa(void) {
 static conemap_isa conemap__best_isa(void) {
     __builtin_cpu_init();
     if (!__builtin_cpu_supports("avx2")) return CONEMAP_ISA_SSE2;
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                   __builtin_cpu_supports("avx512vl")
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                   __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl")
                ? CONEMAP_ISA_AVX512
                : CONEMAP_ISA_AVX2;
 }
@@ -3436,15 +3436,13 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at
    least as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of
    the pyramid are tested against every texel at once, whether or not it had a use for the block above, which costs less
-   than asking. (One
-   lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search begins with what
-   decided the tile before (neighbours often agree), goes on in the tile's own block and up from there, so near texels,
-   which decide most often, come first, and ends with the images of a wrapping map.
+   than asking. (One lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search
+   begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from there,
+   so near texels, which decide most often, come first, and ends with the images of a wrapping map.
    With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound
    into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
    steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
-   the order, which is
-   always this one: a job's tiles row by row.
+   the order, which is always this one: a job's tiles row by row.
    In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
    at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
    a tile knows in which of them it flies through a block. */
@@ -3818,11 +3816,10 @@ static void conemap__sights_rows(const conemap__band *band, const conemap__sight
    three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm
    2]'s rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's
    near corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds
-   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
-   longest gradient if a cell around it falls, and inside P itself the
-   bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
-   |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
-   falls: cells outside, whose corners repeat the border, see to that. */
+   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its longest
+   gradient if a cell around it falls, and inside P itself the bend of the patch: where it falls, behind its top, the
+   mean slope is at most half of the bend, |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a
+   border that does not wrap, everything falls: cells outside, whose corners repeat the border, see to that. */
 
 enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
 
@@ -3950,8 +3947,7 @@ static int conemap__needs_plane(const conemap_map *map) {
 }
 
 /* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones
-   that
-   are no longer there: those start afresh. */
+   that are no longer there: those start afresh. */
 static int conemap__updates_partly(const conemap_desc *desc, const conemap_info *info) {
     return desc->generator == CONEMAP_EXACT && !(desc->slack > 0.0f) && (!desc->min3x3 || conemap__is_bilinear(info));
 }
@@ -12067,11 +12063,10 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
     for (k = 0; k < 3; ++k) grad_u[k] *= 0.15915494309189535;
 }
 
-/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
-   mixed by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the
-   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal
-   lean back along the cutting plane's own normal, the same from both sides
-   of a joint. */
+/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between mixed
+   by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the joint),
+   the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal lean back
+   along the cutting plane's own normal, the same from both sides of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
     double end[2][3], v = conemap__clamp01(at->v), m, wide_x = 0.0, wide_z = 0.0;
     int e, k;
@@ -12262,11 +12257,9 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
    Skinning a skeleton, the ray through the relief's shell, and a tree of boxes over the frusta.
    ====================================================================================================== */
 
-#define CONEMAP__STEEPEST                                                                                         \
-    2.75 /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut as they should */
-#define CONEMAP__CONE_ROOM                                                                                        \
-    0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
-                                     sqrt(2) further out */
+#define CONEMAP__STEEPEST 2.75  /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut rightly */
+#define CONEMAP__CONE_ROOM 0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the
+                                   pyramid, sqrt(2) further out */
 #define CONEMAP__FIT 0.25       /* the most that a fit changes a radius, as a share */
 #define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
 #define CONEMAP__CLEAR 0.4      /* how far along a segment a cut may reach before its joint is too sharp */
@@ -12367,8 +12360,9 @@ static double conemap__section_reach(const conemap__limb *limb, const double *ac
 }
 
 /* Cuts two limbs that meet in a joint by one plane, and gives the second one its frame, in which u = 0 goes on from the
-   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial plane's
-   normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on another. */
+   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial
+   plane's normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on
+   another. */
 static void conemap__join(conemap__limb *first, conemap__limb *next, double sine, double cosine, int fit) {
     double normal[3], p1[3], p2[3], z[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
     double wide1, wide2, r, k1, r2, k2, fitted, stretch[2];
@@ -17803,8 +17797,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
     }
 }
 
-/* ---- the search of a tile: see G E N E R A T I O N
-   ----------------------------------------------------------------- */
+/* ---- the search of a tile: see G E N E R A T I O N --------------------------------------------------------------- */
 
 /* Squares of the distances from the tile's columns, or rows, to the places from first to last; `less` is taken off. */
 CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texel, float less, float *out) {

@@ -407,8 +407,8 @@ static void relaxed_counterexample(void)
     CHECK(paper > 2.0f * ours, "the paper's cone is %g, ours %g", (double)paper, (double)ours);
 }
 
-/* The edge between a high and a low texel sees a spike beside it more steeply than either of them: only what is seen of
-   its cells from the spike, four texels away, narrows the cones there. Texels are eight times as long as wide. */
+/* From the edge between a high and a low texel a spike is seen more steeply than from either of them: only looking down
+   at the cells there from the spike, four texels away, narrows their cones. Texels are eight times as long as wide. */
 static void relaxed_cells_seen_from_near(void)
 {
     static struct relief r;
@@ -482,8 +482,8 @@ static void relaxed_maps_and_any_hit(void)
             CHECK(conemap_trace(&relaxed, NULL, &ray, &b, 1) == CONEMAP_OK, "trace");
             CHECK(conemap_trace(&safe, &any, &ray, &c, 1) == CONEMAP_OK, "trace");
             CHECK(conemap_trace(&vertex, &any, &ray, &d, 1) == CONEMAP_OK, "trace");
-            CHECK(a.status == b.status && fabsf(a.t - b.t) < 1e-4f, "relaxed: status %d at %g, right %d at %g", (int)b.status,
-                  (double)b.t, (int)a.status, (double)a.t);
+            CHECK(a.status == b.status && fabsf(a.t - b.t) < 1e-4f, "relaxed: status %d at %g, right %d at %g",
+                  (int)b.status, (double)b.t, (int)a.status, (double)a.t);
             CHECK(a.status == c.status, "any hit: status %d, right %d", (int)c.status, (int)a.status);
             CHECK(d.status != CONEMAP_HIT || a.status == CONEMAP_HIT, "any hit where there is none");
             if (b.steps > 0)

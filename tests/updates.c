@@ -85,7 +85,8 @@ static void updates_equal_builds(void)
             other = desc;
             other.isa = CONEMAP_ISA_DEFAULT;
             REQUIRE(conemap_build(&other, &whole) == CONEMAP_OK, "build %d", k);
-            CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y, w, h);
+            CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y,
+                  w, h);
             conemap_free(&whole);
         }
         conemap_free(&map);
@@ -146,8 +147,9 @@ static void kept_searches_follow(void)
     }
 }
 
-/* A block's cones are decided from texels around it too: here only the texel beside a high block, 0.1 lower, sees the edit
-   as steeply as the block's cones allow. Its own block and those between have pits, whose cones nothing so far can narrow. */
+/* A block's cones are decided from texels around it too: here only the texels beside a high block, 0.1 lower, see the
+   edit as steeply as the block's cones allow. Their own block and those between have pits, whose cones nothing so far
+   away can narrow. */
 static void neighbours_are_surveyed(void)
 {
     enum { ACROSS = 32, DOWN = 48 };

@@ -542,7 +542,8 @@ static int relaxed_violations(const conemap_map *map, const float *cones)
     return bad;
 }
 
-/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers
+   read. */
 static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
 {
     static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
@@ -965,7 +966,8 @@ static void run_hlsl(void)
     for (k = MAKE_EXACT; k < MAKE_COUNT; k += 3) /* of Vulkan a few: but for bindings and arguments it is GLSL 450 */
         make_maps(CONEMAP_GLSL_450_VULKAN, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_CLAMP : CONEMAP_WRAP);
     if (!hlsl_writes)
-        printf("HLSL and Vulkan's GLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
+        printf("HLSL and Vulkan's GLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, "
+               "misses: %d beyond single precision\n",
                hlsl_count, total.rays, total.different, total.misses);
 }
 
