@@ -28,7 +28,7 @@
 
    Link with -lm where sqrtf needs it.
 
-   CONTENTS (search for the banner)
+   CONTENTS (search for the banner; ---- begins a part of a section)
        C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
        R E S U L T S               the one result enum
        D E S C R I P T I O N S     heights, texture, build and trace settings; the map, rays and hits
@@ -39,15 +39,16 @@
        P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
        P R E P A R E D   T R A C I N G   the same for many rays: a table for each cell, rays side by side
-       S H A D E R S               the tracers as GLSL, HLSL, WGSL, MSL and C
+       S H A D E R S               the tracers as GLSL, HLSL, WGSL, MSL and C; cone maps made on the GPU
+       F R U S T A                 skeletons skinned with relief-mapped conical frusta; their shaders
        E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
-       F R U S T A                 skeletons skinned with relief-mapped conical frusta
+       F R U S T A   E F F E C T S   which of them skeletons have
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
        P Y R A M I D               maxima over blocks, any size
-       K E R N E L S               instruction sets; the kernels themselves come last in the file
-       G E N E R A T I O N         ring search, exact, quick, relaxed, correction
+       K E R N E L S               instruction sets and their macros; what kernels share
+       G E N E R A T I O N         ring search, the search of a tile, quick cones
        S A F E   C O N E S         for the bilinear surface, with the proof; relaxed cones that are safe
        B U I L D   P A S S E S     validation, memory plan, jobs, updates
        F I L E S                   texture and baked bytes
@@ -57,11 +58,14 @@
        T R A C E R S               the walk through cells, every tracer, refinement
        P R E P A R A T I O N       the prepared tracer's table, with the proof; its rays' way in and out
        E M I T T E R               shaders from snippets
+       E M I T T E D   W G S L     the same snippets translated
        E M I T T E D   E F F E C T S   the snippets of effects
-       E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
        F R U S T A                 skinning, the relief's shell, a tree of boxes
-       E M I T T E D   F R U S T A shaders that ray-cast packed frusta
+       E M I T T E D   F R U S T A   shaders that ray-cast packed frusta
+       E F F E C T S               frames, levels, flights over bent and blended ground, light
+       F R U S T A   E F F E C T S   light and holes of skeletons
+       K E R N E L   C O D E       rows of texels and rays, compiled for each instruction set
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -17054,8 +17058,13 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 
 #endif /* CONEMAP_IMPLEMENTATION */
 
-/* ####################################################################################################### */
-#ifdef CONEMAP__LANES /* included by itself, once for each instruction set: see K E R N E L S */
+/* ======================================================================================================
+   K E R N E L   C O D E
+
+   Included by the file itself, once for each instruction set: see K E R N E L S.
+   ====================================================================================================== */
+
+#ifdef CONEMAP__LANES
 
 #define CONEMAP__FUNCTION CONEMAP__TARGET static
 #ifdef _MSC_VER

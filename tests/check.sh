@@ -62,6 +62,14 @@ need() {
     done
 }
 
+# ---- the contents at the header's top name its banners, in their order -----------------------------------------
+contents() {
+    sed -nE '/^   CONTENTS/,/^   OPTIONS/s/^ {7}([A-Z]( {1,3}[A-Z])*) .*/\1/p' conemap.h >"$dir/contents"
+    sed -nE '/^\/\* =+$/{n;s/^ {3}([A-Z]( {1,3}[A-Z])*)$/\1/p}' conemap.h >"$dir/banners"
+    [ -s "$dir/banners" ] && diff "$dir/contents" "$dir/banners"
+}
+part "contents" contents
+
 # ---- warnings: every compiler and standard, with and without the implementation, shared and static --------
 sources() {
     cat >"$work/use.c" <<'END'
