@@ -28,7 +28,7 @@
 
    Link with -lm where sqrtf needs it.
 
-   CONTENTS (search for the banner)
+   CONTENTS (search for the banner; ---- begins a part of a section)
        C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
        R E S U L T S               the one result enum
        D E S C R I P T I O N S     heights, texture, build and trace settings; the map, rays and hits
@@ -39,15 +39,16 @@
        P L A N N I N G             settings chosen for what a scene tolerates
        T R A C I N G               rays against the relief
        P R E P A R E D   T R A C I N G   the same for many rays: a table for each cell, rays side by side
-       S H A D E R S               the tracers as GLSL, HLSL, WGSL, MSL and C
+       S H A D E R S               the tracers as GLSL, HLSL, WGSL, MSL and C; cone maps made on the GPU
+       F R U S T A                 skeletons skinned with relief-mapped conical frusta; their shaders
        E F F E C T S               shading, shadows, silhouettes, curved bases, levels of detail, holes
-       F R U S T A                 skeletons skinned with relief-mapped conical frusta
+       F R U S T A   E F F E C T S   which of them skeletons have
      and under CONEMAP_IMPLEMENTATION
        N U M E R I C S             small arithmetic, half floats, checked sizes
        S T O R A G E               texel decoding and encoding, rounding cones down
        P Y R A M I D               maxima over blocks, any size
-       K E R N E L S               instruction sets; the kernels themselves come last in the file
-       G E N E R A T I O N         ring search, exact, quick, relaxed, correction
+       K E R N E L S               instruction sets and their macros; what kernels share
+       G E N E R A T I O N         ring search, the search of a tile, quick cones
        S A F E   C O N E S         for the bilinear surface, with the proof; relaxed cones that are safe
        B U I L D   P A S S E S     validation, memory plan, jobs, updates
        F I L E S                   texture and baked bytes
@@ -57,11 +58,14 @@
        T R A C E R S               the walk through cells, every tracer, refinement
        P R E P A R A T I O N       the prepared tracer's table, with the proof; its rays' way in and out
        E M I T T E R               shaders from snippets
+       E M I T T E D   W G S L     the same snippets translated
        E M I T T E D   E F F E C T S   the snippets of effects
-       E F F E C T S               frames, levels, flights over bent and blended ground, light
        F R U S T U M   R A Y S     one frustum: rays, parametrisation, normals, bounds
        F R U S T A                 skinning, the relief's shell, a tree of boxes
-       E M I T T E D   F R U S T A shaders that ray-cast packed frusta
+       E M I T T E D   F R U S T A   shaders that ray-cast packed frusta
+       E F F E C T S               frames, levels, flights over bent and blended ground, light
+       F R U S T A   E F F E C T S   light and holes of skeletons
+       K E R N E L   C O D E       rows of texels and rays, compiled for each instruction set
        L I C E N C E               at the end of the file
 
    OPTIONS (define before including)
@@ -120,9 +124,9 @@ extern "C" {
    An axis of a single texel is constant along its length; NOTHING there is treated as CLAMP.
 
    A cone stands on the surface, point down. What it holds nothing of is the map's guarantee (conemap_guarantee): by
-   default the bilinear surface, with VERTEX the other texels' vertices. It is kept as the tangent of
-   its half angle, horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are
-   sqrt(du^2 + (aspect dv)^2): aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
+   default the bilinear surface, with VERTEX the other texels' vertices. It is kept as the tangent of its half angle,
+   horizontal distance in uv over height, never infinite: `max_tan` caps it. Distances are sqrt(du^2 + (aspect dv)^2):
+   aspect 1 measures in uv as [Dum06] does; H / W makes texels square.
 
    Cones are built from the heights as the texture will hold them (decoded and quantised) and rounded down,
    so a stored cone is never wider than the computed one, which itself is never wider than the true one. Vertex cones
@@ -1031,9 +1035,10 @@ typedef struct conemap_gpu_pass {
    set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
    maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
    other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
-   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level,
-   sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
-   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS are
+   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last,
+   level, sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
+   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS
+   are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -1091,11 +1096,11 @@ CONEMAP_API conemap_result conemap_gpu_passes(const conemap_shader_desc *desc, i
    u is the eccentric anomaly of the two cuts' ellipses instead of the angle, mixed by v, and both sides agree in it:
    exactly where they share an ellipse, so at relative height 0 of fitted joints.
 
-   Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show a
-   notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but not
-   from the outline. An elliptical cross-section keeps its shape and, but for the least rotation in bends, its direction
-   along a segment: it is one cone, scaled. With elliptical sections what is said of joints above holds where an axis of
-   the section lies in the bend's plane, and for untapered segments always.
+   Limits. Bends beyond 140 degrees, and segments too short for their bends, get planes of their own, flagged, and show
+   a notch, or with `round_joins` a ball. Branches meet their parent in a crease, which `blend` hides from the light but
+   not from the outline. An elliptical cross-section keeps its shape and, but for the least rotation in bends, its
+   direction along a segment: it is one cone, scaled. With elliptical sections what is said of joints above holds where
+   an axis of the section lies in the bend's plane, and for untapered segments always.
    ====================================================================================================== */
 
 typedef struct conemap_joint {
@@ -1881,7 +1886,7 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     }
 }
 
-/* Of the lowest 8. */
+/* Of the lowest 16. */
 CONEMAP__INLINE int conemap__count_bits(int bits) {
     bits -= bits >> 1 & 0x5555;
     bits = (bits & 0x3333) + (bits >> 2 & 0x3333);
@@ -2135,10 +2140,9 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
    K E R N E L S
 
    What is done to row after row of texels is written once, at the end of this file, in the macros below, and compiled
-   once
-   for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew each
-   time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all instruction
-   sets give the same bits; with one lane it is plain C.
+   once for each instruction set: the file includes itself (by CONEMAP_SELF, its own name) with the macros defined anew
+   each time. Lanes are neighbouring texels. Every macro rounds as C's operators do and nothing is fused, so all
+   instruction sets give the same bits; with one lane it is plain C.
 
    Types CONEMAP__F, CONEMAP__I, CONEMAP__M hold CONEMAP__LANES floats, int32s and truth values:
        F1 I1              the same number in all lanes         LOADF LOADI STOREF STOREI   any alignment
@@ -3244,8 +3248,8 @@ static conemap_isa conemap__best_isa(void) {
 static conemap_isa conemap__best_isa(void) {
     __builtin_cpu_init();
     if (!__builtin_cpu_supports("avx2")) return CONEMAP_ISA_SSE2;
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                   __builtin_cpu_supports("avx512vl")
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+                   __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl")
                ? CONEMAP_ISA_AVX512
                : CONEMAP_ISA_AVX2;
 }
@@ -3436,15 +3440,13 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at
    least as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of
    the pyramid are tested against every texel at once, whether or not it had a use for the block above, which costs less
-   than asking. (One
-   lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search begins with what
-   decided the tile before (neighbours often agree), goes on in the tile's own block and up from there, so near texels,
-   which decide most often, come first, and ends with the images of a wrapping map.
+   than asking. (One lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search
+   begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from there,
+   so near texels, which decide most often, come first, and ends with the images of a wrapping map.
    With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound
    into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
    steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
-   the order, which is
-   always this one: a job's tiles row by row.
+   the order, which is always this one: a job's tiles row by row.
    In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
    at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
    a tile knows in which of them it flies through a block. */
@@ -3671,8 +3673,10 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
       octants. P seen from v is met if v - p is in the sector.
    5. A corner counts if a patch it belongs to may be met: in the quadrant, border included, and in an octant up to one
       texel beyond its diagonal. Then all corners of a patch that is met count, and the one with the largest bound finds
-      it. A border that does not wrap is the edge of cells on one side only, so the missing ones are added, level
-      across: they have the edge's heights, farther away.
+      it. A border that does not wrap is the edge of cells on one side only, so where a vertex looks at cells the
+      missing ones are added, level across: they have the edge's heights, farther away. Seen from a vertex they add
+      nothing: where no other cell is seen, vertex and edge lie on one line, along which a slope is largest at the
+      edge's ends.
    7. A projection may turn r from one octant into the other, not out of its quadrant. So where p or q lies in a border
       cell of CLAMP, or in a map of one row or column, octants count as quadrants: for patches, vertices and gradients
       there.
@@ -3703,20 +3707,14 @@ CONEMAP__INLINE int conemap__inner_cell(int i, int size, conemap_wrap wrap) {
     return wrap == CONEMAP_WRAP || (i >= 0 && i < conemap__maxi(size - 1, 1));
 }
 
-/* With sectors there is one cell more beyond each border, level across: it stands for the border's edge in the sectors
-   that lead out, and beyond. */
 CONEMAP__INLINE int conemap__cell_exists(const conemap_map *map, int i, int j) {
-    if (map->info.texture.sectors > 1)
-        return (map->info.wrap_u == CONEMAP_WRAP || (i >= -1 && i < map->info.width)) &&
-               (map->info.wrap_v == CONEMAP_WRAP || (j >= -1 && j < map->info.height));
     return conemap__inner_cell(i, map->info.width, map->info.wrap_u) &&
            conemap__inner_cell(j, map->info.height, map->info.wrap_v);
 }
 
-/* Where the slope of cell (i, j) is kept: a cell beyond a border has the place of the last one, with per_cell its
-   cone. */
-CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap, int per_cell) {
-    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 1 - (per_cell != 0)));
+/* With per_cell a cell beyond a border has the last one's cone. */
+CONEMAP__INLINE int conemap__cell_place(int i, int size, conemap_wrap wrap) {
+    return wrap == CONEMAP_WRAP ? i : conemap__maxi(0, conemap__mini(i, size - 2));
 }
 
 /* The rows, with shifts to the right, whose maxima are the slopes of the texels of row j, or of its cells with
@@ -3822,11 +3820,10 @@ static void conemap__sights_rows(const conemap__band *band, const conemap__sight
    three are ranges, so the smallest products decide. (Their signs alone, one of four quadrants, are [BV24 Algorithm
    2]'s rule, and the pyramids': coarser, so it keeps more cells.) [BV24 Algorithm 2] tests the height of the cell's
    near corner; a falling point can lie higher, so here every corner of a cell that falls limits the cone, by the bounds
-   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its
-   longest gradient if a cell around it falls, and inside P itself the
-   bend of the patch: where it falls, behind its top, the mean slope is at most half of the bend,
-   |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a border that does not wrap, everything
-   falls: cells outside, whose corners repeat the border, see to that. */
+   of safe cones (steps 1 and 4 hold for each pair of cells as a whole). What touches P is taken whole: its longest
+   gradient if a cell around it falls, and inside P itself the bend of the patch: where it falls, behind its top, the
+   mean slope is at most half of the bend, |h_xy| X Y / sqrt(X^2 a^2 + Y^2 b^2), largest across the whole cell. Beyond a
+   border that does not wrap, everything falls: cells outside, whose corners repeat the border, see to that. */
 
 enum { CONEMAP__FALLS_RIGHT = 1, CONEMAP__FALLS_LEFT = 2, CONEMAP__FALLS_DOWN = 4, CONEMAP__FALLS_UP = 8 };
 
@@ -3954,8 +3951,7 @@ static int conemap__needs_plane(const conemap_map *map) {
 }
 
 /* Does an update search only what the edit reaches? Slack depends on the way of the search, and correction on cones
-   that
-   are no longer there: those start afresh. */
+   that are no longer there: those start afresh. */
 static int conemap__updates_partly(const conemap_desc *desc, const conemap_info *info) {
     return desc->generator == CONEMAP_EXACT && !(desc->slack > 0.0f) && (!desc->min3x3 || conemap__is_bilinear(info));
 }
@@ -4453,27 +4449,19 @@ static void conemap__safe_start(const conemap__band *band, float least) {
     }
 }
 
-/* The cells of row j that have their place in the band, seen in a sector or where they fall. */
+/* The cells of row j, seen in a sector or where they fall. */
 static void conemap__cells_row(const conemap__outlook *outlook, const conemap__band *band, int j) {
     const conemap_map *map = band->map;
     const conemap_info *info = &map->info;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
-    int place = conemap__cell_place(j, info->height, info->wrap_v, info->texture.per_cell), w = info->width, x;
-    int count, end, run;
-    float *known, *out;
-    if (place < band->y0 || place >= band->y1 || !conemap__cell_exists(map, 0, j)) return;
-    known = band->plane + (size_t)place * (size_t)w;
-    out = band->cell_slopes + (size_t)place * (size_t)w;
-    count = info->wrap_u != CONEMAP_WRAP && (info->texture.per_cell || outlook->relaxed) ? conemap__maxi(w - 1, 1) : w;
-    conemap__columns(map, band->sector.number, place, &x, &end);
-    end = conemap__mini(end, count);
-    for (; (run = conemap__next_run(map, band->sector.number, &x, end, place, CONEMAP__SEARCH)) > 0; x += run)
+    int w = info->width, x, end, run;
+    const float *known = band->plane + (size_t)j * (size_t)w;
+    float *out = band->cell_slopes + (size_t)j * (size_t)w;
+    if (!conemap__cell_exists(map, 0, j)) return;
+    conemap__columns(map, band->sector.number, j, &x, &end);
+    if (info->wrap_u != CONEMAP_WRAP) end = conemap__mini(end, conemap__maxi(w - 1, 1));
+    for (; (run = conemap__next_run(map, band->sector.number, &x, end, j, CONEMAP__SEARCH)) > 0; x += run)
         kernels->cells_row(outlook, j, known, x, run, out + x);
-    /* those that have their place elsewhere */
-    if (conemap__cell_exists(map, -1, j) && info->wrap_u != CONEMAP_WRAP)
-        kernels->cells_row(outlook, j, known, -1, 1, out);
-    if (conemap__cell_exists(map, w - 1, j) && count < w)
-        kernels->cells_row(outlook, j, known, w - 1, 1, out + count - 1);
 }
 
 /* Relaxed cones, or those of a sector. */
@@ -4509,7 +4497,7 @@ static conemap_result conemap__part_band(const conemap__band *band, conemap__sea
                 result = conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
         }
     conemap__find_sights(band, search->near2, -1, &sights);
-    for (y = band->y0 - 1; result == CONEMAP_OK && y <= band->y1; ++y) conemap__cells_row(&outlook, band, y);
+    for (y = band->y0; result == CONEMAP_OK && y < band->y1; ++y) conemap__cells_row(&outlook, band, y);
     return result;
 }
 
@@ -4924,7 +4912,7 @@ static void conemap__mark_block(const conemap__edit *edit, int block_u, int bloc
 
 /* Does the search at vertex u serve the cone at v? On one axis. */
 CONEMAP__INLINE int conemap__serves(int u, int v, int size, conemap_wrap wrap, int per_cell) {
-    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap, 1) : v);
+    int behind = u - (per_cell ? conemap__cell_place(v, size, wrap) : v);
     return behind <= 1 && behind >= (per_cell ? 0 : -1);
 }
 
@@ -12079,11 +12067,10 @@ static void conemap__uvw_gradients(const conemap_frustum *f, const conemap__plac
     for (k = 0; k < 3; ++k) grad_u[k] *= 0.15915494309189535;
 }
 
-/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between
-   mixed by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the
-   joint), the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal
-   lean back along the cutting plane's own normal, the same from both sides
-   of a joint. */
+/* The surface normal that goes on across joints [BJCW09 eq. 8]: at the two cuts away from the joints, in between mixed
+   by v. Of an elliptical section it is the cut's own normal in the cutting plane (and what the plane is off the joint),
+   the same from both sides; where the rows are of length 1 that is the paper's. plane[3] lets an end's normal lean back
+   along the cutting plane's own normal, the same from both sides of a joint. */
 static void conemap__smooth_normal(const conemap_frustum *f, const conemap__place_uvw *at, double *n) {
     double end[2][3], v = conemap__clamp01(at->v), m, wide_x = 0.0, wide_z = 0.0;
     int e, k;
@@ -12274,11 +12261,9 @@ CONEMAP__DEF conemap_result conemap_frustum_span(const conemap_frustum *frustum,
    Skinning a skeleton, the ray through the relief's shell, and a tree of boxes over the frusta.
    ====================================================================================================== */
 
-#define CONEMAP__STEEPEST                                                                                         \
-    2.75 /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut as they should */
-#define CONEMAP__CONE_ROOM                                                                                        \
-    0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the pyramid,
-                                     sqrt(2) further out */
+#define CONEMAP__STEEPEST 2.75  /* of a cutting plane: tan(70 degrees), so bends up to 140 degrees are cut rightly */
+#define CONEMAP__CONE_ROOM 0.63 /* slope times |k| of the cone stays below: the planes then meet all edges of the
+                                   pyramid, sqrt(2) further out */
 #define CONEMAP__FIT 0.25       /* the most that a fit changes a radius, as a share */
 #define CONEMAP__FOLD 0.01      /* boundary lines closer to parallel than so many radians: see conemap__boundary */
 #define CONEMAP__CLEAR 0.4      /* how far along a segment a cut may reach before its joint is too sharp */
@@ -12379,8 +12364,9 @@ static double conemap__section_reach(const conemap__limb *limb, const double *ac
 }
 
 /* Cuts two limbs that meet in a joint by one plane, and gives the second one its frame, in which u = 0 goes on from the
-   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial plane's
-   normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on another. */
+   first one's end, `sine` and `cosine` of its angle. The frame is turned by the least rotation, about the medial
+   plane's normal, so that the two angles of a point agree on the bisecting plane, and differ alike to both sides on
+   another. */
 static void conemap__join(conemap__limb *first, conemap__limb *next, double sine, double cosine, int fit) {
     double normal[3], p1[3], p2[3], z[3], c = conemap__dot3(first->y, next->y), s, n1, np, dot, across, along, m;
     double wide1, wide2, r, k1, r2, k2, fitted, stretch[2];
@@ -17072,8 +17058,13 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 
 #endif /* CONEMAP_IMPLEMENTATION */
 
-/* ####################################################################################################### */
-#ifdef CONEMAP__LANES /* included by itself, once for each instruction set: see K E R N E L S */
+/* ======================================================================================================
+   K E R N E L   C O D E
+
+   Included by the file itself, once for each instruction set: see K E R N E L S.
+   ====================================================================================================== */
+
+#ifdef CONEMAP__LANES
 
 #define CONEMAP__FUNCTION CONEMAP__TARGET static
 #ifdef _MSC_VER
@@ -17815,8 +17806,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
     }
 }
 
-/* ---- the search of a tile: see G E N E R A T I O N
-   ----------------------------------------------------------------- */
+/* ---- the search of a tile: see G E N E R A T I O N --------------------------------------------------------------- */
 
 /* Squares of the distances from the tile's columns, or rows, to the places from first to last; `less` is taken off. */
 CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texel, float less, float *out) {

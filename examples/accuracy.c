@@ -171,40 +171,15 @@ static double box_exit(const conemap_ray *ray) {
     return t0 <= t1 ? t1 : 0;
 }
 
-/* The first meeting in double precision, cell by cell; truth_trace without its look for the lowest and highest texel. */
+/* The first meeting in double precision, cell by cell. */
 static int true_hit(const struct scene *s, const conemap_ray *ray, double *t) {
-    struct truth_walk walk;
-    double origin[3], direction[3], t0 = 0, t1 = HUGE_VAL;
+    double origin[3], direction[3];
     for (int k = 0; k < 3; ++k) {
         origin[k] = (double)ray->origin[k];
         direction[k] = (double)ray->direction[k];
     }
     *t = box_exit(ray);
-    truth_above_floor(origin, direction, &t0, &t1);
-    if (direction[2] < 0)
-        t0 = fmax(t0, (s->high + 1e-9 - origin[2]) / direction[2]);
-    else if (direction[2] > 0)
-        t1 = fmin(t1, (s->high + 1e-9 - origin[2]) / direction[2]);
-    else if (origin[2] > s->high)
-        return 0;
-    if (t1 < t0 || !truth_walk_begin(&walk, &s->truth, origin, direction, t0, t1)) return 0;
-    do {
-        double a = walk.a, b = walk.b, c = walk.c, r = 2, d = b * b - 4 * a * c;
-        if (c <= 0)
-            r = 0;
-        else if (d >= 0) { /* c > 0: the smaller positive root of (a r + b) r + c */
-            double q = -0.5 * (b < 0 ? b - sqrt(d) : b + sqrt(d));
-            double r1 = q < 0 || q > 0 ? c / q : 2, r2 = a < 0 || a > 0 ? q / a : 2;
-            if (r1 >= 0) r = r1;
-            if (r2 >= 0 && r2 < r) r = r2;
-        }
-        if (!(r <= 1) && a + b + c <= 0) r = 1;
-        if (r <= 1) {
-            *t = walk.t_in + r * (walk.t_out - walk.t_in);
-            return 1;
-        }
-    } while (truth_walk_next(&walk));
-    return 0;
+    return truth_trace_below(&s->truth, s->high, origin, direction, HUGE_VAL, t);
 }
 
 /* A miss: the surface rises more than 2^-20 above the ray before the hit that was reported. */

@@ -153,7 +153,8 @@ int main(int argc, char **argv) {
         const conemap_texture *texture = &map.info.texture;
         printf("%d x %d, %s%s%s, %s %s %s, mean min(tan, 1) %.4f, %zu bytes, %.2f s\n", map.info.width,
                map.info.height, name_of(generator_names, (int)map.info.generator), map.info.min3x3 ? " min3x3" : "",
-               texture->sectors > 1 ? texture->sectors == 4 ? " 4 sectors" : " 8 sectors" : "", name_of(layout_names, (int)texture->layout),
+               texture->sectors > 1 ? texture->sectors == 4 ? " 4 sectors" : " 8 sectors" : "",
+               name_of(layout_names, (int)texture->layout),
                name_of(format_names, (int)texture->format), name_of(encoding_names, (int)texture->encoding),
                mean_tan(&map), out ? size : raw ? raw_size : conemap_save_size(&map), took);
         if (out) puts(out);

@@ -129,7 +129,8 @@ static int timed_build(const struct image *image, const struct variant *variant,
     if (result != CONEMAP_OK) return fail_result("build", result);
     size_t count = (size_t)image->width * (size_t)image->height;
     *mean_tan = 0.0;
-    for (size_t k = 0; k < count; ++k) *mean_tan += map.cones[k] < 1.0f ? (double)map.cones[k] / (double)count : 1.0 / (double)count;
+    for (size_t k = 0; k < count; ++k)
+        *mean_tan += map.cones[k] < 1.0f ? (double)map.cones[k] / (double)count : 1.0 / (double)count;
     conemap_free(&map);
     part_done();
     return 1;

@@ -181,42 +181,17 @@ static struct rgb shade(const struct scene *s, const conemap_hit *hit, const flo
     return color;
 }
 
-/* The first meeting in double precision, cell by cell. truth_trace looks for the map's highest and lowest
-   texel on every call; a picture has too many rays for that, and the scene knows them. */
+/* The first meeting in double precision, cell by cell. */
 static int true_hit(const struct scene *s, const conemap_ray *ray, double *t) {
     struct truth_map map = {s->map->info.width, s->map->info.height, (int)s->map->info.wrap_u,
                             (int)s->map->info.wrap_v, s->map->heights};
-    struct truth_walk walk;
-    double origin[3], direction[3], t0 = 0, t1 = HUGE_VAL;
+    double origin[3], direction[3];
     for (int k = 0; k < 3; ++k) {
         origin[k] = (double)ray->origin[k];
         direction[k] = (double)ray->direction[k];
     }
-    double top = ((double)s->high + 1e-9 - origin[2]) / direction[2];
-    double bottom = ((double)s->low - 1e-9 - origin[2]) / direction[2];
-    if (direction[2] < 0) {
-        t0 = top > 0 ? top : 0;
-        t1 = bottom; /* no ray above the surface gets below its lowest point, but one beside the block does */
-        if (map.wrap_u != 1 || map.wrap_v != 1) t1 = HUGE_VAL;
-    } else if (direction[2] > 0) t1 = top;
-    else if (origin[2] > (double)s->high) return 0;
-    if (t1 < t0 || !truth_walk_begin(&walk, &map, origin, direction, t0, t1)) return 0;
-    do {
-        double a = walk.a, b = walk.b, c = walk.c, r = 2, d = b * b - 4 * a * c;
-        if (c <= 0) r = 0;
-        else if (d >= 0) { /* c > 0: the smaller positive root of (a r + b) r + c */
-            double q = -0.5 * (b < 0 ? b - sqrt(d) : b + sqrt(d));
-            double r1 = q < 0 || q > 0 ? c / q : 2, r2 = a < 0 || a > 0 ? q / a : 2;
-            if (r1 >= 0) r = r1;
-            if (r2 >= 0 && r2 < r) r = r2;
-        }
-        if (!(r <= 1) && a + b + c <= 0) r = 1;
-        if (r <= 1) {
-            *t = walk.t_in + r * (walk.t_out - walk.t_in);
-            return 1;
-        }
-    } while (truth_walk_next(&walk));
-    return 0;
+    return truth_trace_below(&map, (double)s->high, origin, direction,
+                             ray->t_max > 0 ? (double)ray->t_max : HUGE_VAL, t);
 }
 
 static void print_help(void) {
@@ -336,10 +311,7 @@ static void trace_row(const struct scene *s, int row, int columns, int rows, con
         totals->unconverged +=
             hits[i].status == CONEMAP_STEP_CAP || (hits[i].status == CONEMAP_FLOOR && s->covered);
         if (s->mode != DIFFERENCE) continue;
-        /* the exact walk knows no floor: what it meets below the box is none */
-        if (!true_hit(s, &rays[i], &exact[i]) || (rays[i].t_max > 0 && exact[i] > (double)rays[i].t_max) ||
-            (double)rays[i].origin[2] + exact[i] * (double)rays[i].direction[2] < -1e-6)
-            exact[i] = -1;
+        if (!true_hit(s, &rays[i], &exact[i])) exact[i] = -1;
         if ((exact[i] >= 0) != (hits[i].status == CONEMAP_HIT)) ++totals->one_only;
         else if (exact[i] >= 0) {
             double difference = fabs(exact[i] - (double)hits[i].t) * s->map->info.width;

@@ -1,6 +1,7 @@
-/* How wide could cones that are safe for the bilinear surface be? For a rectangle R of apices within one bilinear
-   cell this brackets the supremum over p in R and all points q of the surface of slope(p, q) = (h(q) - h(p)) / |q - p|, in double precision and independently of the header: from below by slopes of real pairs of points, from above
-   by bounds for pairs of patches, halving the pair with the largest bound first until both agree.
+/* How wide could cones that are safe for the bilinear surface be? For a rectangle R of apices within one bilinear cell
+   this brackets the supremum over p in R and all points q of the surface of slope(p, q) = (h(q) - h(p)) / |q - p|, in
+   double precision and independently of the header: from below by slopes of real pairs of points, from above by bounds
+   for pairs of patches, halving the pair with the largest bound first until both agree.
 
    Bounds for a pair of patches R and Q, i and j running over their corners:
    (a) (max h(Q) - min h(R)) over the least distance.

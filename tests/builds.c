@@ -515,7 +515,8 @@ static void heights_alone(void)
                 for (k = 0; k < 2; ++k) {
                     trace.tracer = tracers[k];
                     REQUIRE(conemap_trace(&map, &trace, &ray, &hit, 1) == CONEMAP_OK, "trace");
-                    CHECK(hit.status == right.status && fabsf(hit.t - right.t) < 1e-5f, "tracer %d: status %d at %g, right %d at %g",
+                    CHECK(hit.status == right.status && fabsf(hit.t - right.t) < 1e-5f,
+                          "tracer %d: status %d at %g, right %d at %g",
                           (int)tracers[k], (int)hit.status, (double)hit.t, (int)right.status, (double)right.t);
                 }
                 hits += right.status == CONEMAP_HIT;

@@ -62,6 +62,14 @@ need() {
     done
 }
 
+# ---- the contents at the header's top name its banners, in their order -----------------------------------------
+contents() {
+    sed -nE '/^   CONTENTS/,/^   OPTIONS/s/^ {7}([A-Z]( {1,3}[A-Z])*) .*/\1/p' conemap.h >"$dir/contents"
+    sed -nE '/^\/\* =+$/{n;s/^ {3}([A-Z]( {1,3}[A-Z])*)$/\1/p}' conemap.h >"$dir/banners"
+    [ -s "$dir/banners" ] && diff "$dir/contents" "$dir/banners"
+}
+part "contents" contents
+
 # ---- warnings: every compiler and standard, with and without the implementation, shared and static --------
 sources() {
     cat >"$work/use.c" <<'END'
@@ -302,18 +310,23 @@ need "builds for Windows" x86_64-w64-mingw32-gcc && part "builds for Windows" wi
 # ---- thirty million hard rays, a hundred with LONG=1: no miss with what is proven, and what is not is found out --------
 rays=${STABILITY_RAYS:-30000000} proven=1500000 frusta_rays=${FRUSTA_RAYS:-300000}
 [ -n "${LONG:-}" ] && rays=100000000 proven=10000000 frusta_rays=1000000
-stability() {
+in_parts() { # PROGRAM ARGUMENTS...: a process for each processor, told its number and how many there are; outputs: part.*
     local parts part pids="" bad=0
     parts=$(nproc 2>/dev/null || echo 2)
-    # shellcheck disable=SC2086
-    gcc -std=c99 -O2 $strict -DSTABILITY_MAIN -DSTABILITY_RAYS=$rays -I. tests/stability.c \
-        -o "$dir/stability" -lm || return 1
     rm -f "$dir"/part.*
     for ((part = 0; part < parts; ++part)); do
-        "$dir/stability" $part "$parts" >"$dir/part.$part" &
+        "$@" $part "$parts" >"$dir/part.$part" &
         pids="$pids $!"
     done
     for part in $pids; do wait "$part" || bad=1; done
+    return $bad
+}
+stability() {
+    local bad=0
+    # shellcheck disable=SC2086
+    gcc -std=c99 -O2 $strict -DSTABILITY_MAIN -DSTABILITY_RAYS=$rays -I. tests/stability.c \
+        -o "$dir/stability" -lm || return 1
+    in_parts "$dir/stability" || bad=1
     tail -qn 1 "$dir"/part.* | awk '{r+=$1; m+=$3; f+=$5} END {print r " rays, " m " misses, " f " false hits"}' | tee -a "$work/counts"
     [ $bad = 0 ] || { grep -h '^tests/stability' "$dir"/part.* | head; return 1; }
 }
@@ -321,16 +334,10 @@ need "stability, $rays rays" gcc && part "stability, $rays rays" stability
 
 # ---- bilinear cells of guaranteed maps, proven empty by bound; ten million with LONG=1 --------------------------------
 cells() {
-    local parts part pids="" bad=0
-    parts=$(nproc 2>/dev/null || echo 2)
+    local bad=0
     # shellcheck disable=SC2086
     gcc -std=c99 -O2 $strict -I. tests/long/cells.c -o "$dir/cells" -lm || return 1
-    rm -f "$dir"/part.*
-    for ((part = 0; part < parts; ++part)); do
-        "$dir/cells" $proven $part "$parts" >"$dir/part.$part" &
-        pids="$pids $!"
-    done
-    for part in $pids; do wait "$part" || bad=1; done
+    in_parts "$dir/cells" $proven || bad=1
     tail -qn 1 "$dir"/part.* | tee -a "$work/counts"
     [ $bad = 0 ] || { cat "$dir"/part.*; return 1; }
 }
@@ -338,16 +345,10 @@ need "cells, $proven by bound" gcc && part "cells, $proven by bound" cells
 
 # ---- ten million shadow rays: no leak, no false shadow; a flight away from a map: no frame that pops ------------------
 shadows() {
-    local parts part pids="" bad=0
-    parts=$(nproc 2>/dev/null || echo 2)
+    local bad=0
     # shellcheck disable=SC2086
     gcc -std=c99 -O2 $strict -I. tests/long/shadows.c -o "$dir/shadows" -lm || return 1
-    rm -f "$dir"/part.*
-    for ((part = 0; part < parts; ++part)); do
-        "$dir/shadows" "${SHADOW_RAYS:-10000000}" $part "$parts" >"$dir/part.$part" &
-        pids="$pids $!"
-    done
-    for part in $pids; do wait "$part" || bad=1; done
+    in_parts "$dir/shadows" "${SHADOW_RAYS:-10000000}" || bad=1
     tail -qn 1 "$dir"/part.* | awk '{r+=$1; d+=$4; l+=$8; f+=$10} END {print r " shadow rays, " d " dark, " l " leaks, " f " false shadows"}' |
         tee -a "$work/counts"
     [ $bad = 0 ] || { cat "$dir"/part.*; return 1; }

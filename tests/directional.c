@@ -80,7 +80,8 @@ static int in_sector(int sectors, int number, int di, int dj)
 static float ring(const conemap_desc *desc, int number, int i, int j)
 {
     int w = desc->heights.width, h = desc->heights.height, k, l, a, b, most = w > h ? w : h;
-    int images_u = desc->wrap_u == CONEMAP_WRAP ? 2 + most / w + 1 : 0, images_v = desc->wrap_v == CONEMAP_WRAP ? 2 + most / h + 1 : 0;
+    int images_u = desc->wrap_u == CONEMAP_WRAP ? 2 + most / w + 1 : 0;
+    int images_v = desc->wrap_v == CONEMAP_WRAP ? 2 + most / h + 1 : 0;
     float texel_u = 1.0f / (float)w, texel_v = desc->aspect / (float)h, tangent;
     float s = 1.0f / (desc->max_tan * desc->max_tan) * (1.0f - 1.0f / 262144.0f);
     for (b = -images_v; b <= images_v; ++b)
@@ -172,7 +173,8 @@ static void bilinear_cones_are_proven(void)
     for (n = 0; n < 7; ++n)
         for (kind = 0; kind < ZOO_KINDS; ++kind)
             for (k = 0; k < (n < 6 ? 3 : 1); ++k) {
-                conemap_desc desc = make_desc(kind, sizes[n][0], sizes[n][1], turn * 5 + k, aspects[turn % 5], turn % 2 ? 4 : 8);
+                conemap_desc desc = make_desc(kind, sizes[n][0], sizes[n][1], turn * 5 + k, aspects[turn % 5],
+                                              turn % 2 ? 4 : 8);
                 conemap_map map;
                 conemap_report report;
                 size_t texels = (size_t)sizes[n][0] * (size_t)sizes[n][1], c;
@@ -186,8 +188,9 @@ static void bilinear_cones_are_proven(void)
                 REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "%s", describe(&desc));
                 REQUIRE(conemap_verify(&map.info, map.heights, map.cones, NULL, &report) == CONEMAP_OK, "verify");
                 cells += report.cells;
-                CHECK(report.unsafe == 0 && report.unproven == 0, "%s %s: %d unsafe by %g, %d unproven of %d", zoo_name(kind),
-                      describe(&desc), (int)report.unsafe, report.worst, (int)report.unproven, (int)report.cells);
+                CHECK(report.unsafe == 0 && report.unproven == 0, "%s %s: %d unsafe by %g, %d unproven of %d",
+                      zoo_name(kind), describe(&desc), (int)report.unsafe, report.worst, (int)report.unproven,
+                      (int)report.cells);
                 if (n == 5 && desc.texture.format == CONEMAP_F32) /* one plane after the other made too wide */
                     for (s = 0; s < desc.texture.sectors; ++s) {
                         memcpy(wider, map.cones, texels * (size_t)desc.texture.sectors * sizeof(float));
@@ -198,7 +201,7 @@ static void bilinear_cones_are_proven(void)
                     }
                 conemap_free(&map);
             }
-    { /* cells beyond a border leave the room that a proof along it needs */
+    { /* along a border a proof has the least room */
         conemap_desc desc = make_desc(ZOO_WHITE, 9, 8, 7, 4.0f, 8);
         conemap_map map;
         conemap_report report;
@@ -303,13 +306,16 @@ static void rays_miss_nothing(void)
             if (n % 8 == 2) ray.origin[n / 8 % 2] = n & 16 ? 0.003f : 0.997f;                /* the outer half texel */
             if (n % 64 == 3) ray.direction[0] = ray.direction[1] = 0.0f;
             if (n % 16 == 4) ray.t_max = zoo_unit(&random) + 0.01f;
-            REQUIRE(conemap_trace(&map, NULL, &ray, &hit, 1) == CONEMAP_OK && conemap_trace(&plain, NULL, &ray, &other, 1) == CONEMAP_OK,
+            REQUIRE(conemap_trace(&map, NULL, &ray, &hit, 1) == CONEMAP_OK &&
+                    conemap_trace(&plain, NULL, &ray, &other, 1) == CONEMAP_OK,
                     "trace");
             for (c = 0; c < 3; ++c) origin[c] = (double)ray.origin[c], direction[c] = (double)ray.direction[c];
             until = hit.status == CONEMAP_HIT ? (double)hit.t * (1.0 - 1e-6) : (double)hit.t;
             if (truth_clearance(&truth, origin, direction, 0.0, until) < -1.0 / 1048576.0 && !hit.inside) ++misses;
             /* on a crest that a ray just touches, the last bits may tell a hit from none */
-            if (hit.status != other.status || fabs((double)hit.t - (double)other.t) > 1e-5 * (1.0 + (double)other.t)) ++others;
+            if (hit.status != other.status ||
+                fabs((double)hit.t - (double)other.t) > 1e-5 * (1.0 + (double)other.t))
+                ++others;
             if (hit.status == CONEMAP_HIT) ++hits;
             steps += hit.steps;
             plain_steps += other.steps;
@@ -404,7 +410,8 @@ static void storage(void)
         step = sizes[desc.texture.format];
         REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "%s", describe(&desc));
         count = sectors / 4 + !(k & 8);
-        CHECK(conemap_texture_count(&map) == count && map.info.texture.sectors == sectors, "%d textures", conemap_texture_count(&map));
+        CHECK(conemap_texture_count(&map) == count && map.info.texture.sectors == sectors, "%d textures",
+              conemap_texture_count(&map));
         CHECK(conemap_row_size(&map) == 13 * 4 * step && conemap_texture_size(&map, 0) == 13 * 9 * 4 * step, "texture 0");
         for (t = 0; t < count; ++t) {
             int channels = t < sectors / 4 ? 4 : 1;
@@ -422,10 +429,11 @@ static void storage(void)
             for (y = 0; y < 9; ++y)
                 for (x = 0; x < 13; ++x)
                     for (c = 0; c < channels; ++c) {
-                        float value = channel(desc.texture.format, bytes + (size_t)y * pitch + (size_t)(x * channels + c) * step);
+                        float value = channel(desc.texture.format,
+                                              bytes + (size_t)y * pitch + (size_t)(x * channels + c) * step);
                         float right = channels == 4 ? map.cones[(4 * t + c) * n + y * 13 + x] : map.heights[y * 13 + x];
-                        if (!CHECK(value == right, "%s texture %d (%d, %d) channel %d: %g, not %g", describe(&desc), t, x, y, c,
-                                   (double)value, (double)right))
+                        if (!CHECK(value == right, "%s texture %d (%d, %d) channel %d: %g, not %g", describe(&desc), t,
+                                   x, y, c, (double)value, (double)right))
                             return;
                     }
             test_release(bytes);
@@ -504,12 +512,14 @@ static void updates_equal_builds(void)
         desc.texture.format = (conemap_format)(k % CONEMAP_FORMAT_COUNT);
         desc.texture.encoding = (conemap_encoding)(k / 4 % CONEMAP_ENCODING_COUNT);
         desc.guarantee = k % 5 == 3 ? CONEMAP_GUARANTEE_VERTEX : CONEMAP_GUARANTEE_BILINEAR;
-        desc.texture.per_cell = k % 3 == 1 && desc.guarantee == CONEMAP_GUARANTEE_BILINEAR && desc.texture.encoding != CONEMAP_RADIUS;
+        desc.texture.per_cell = k % 3 == 1 && desc.guarantee == CONEMAP_GUARANTEE_BILINEAR &&
+                                desc.texture.encoding != CONEMAP_RADIUS;
         desc.slack = k % 17 == 16 ? 0.5f : 0.0f;
         desc.keep_search = k / 2 % 2;
         REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "%s", describe(&desc));
         for (n = 0; n < 4; ++n) {
-            int w = 1 + zoo_below(&random, 5), h = 1 + zoo_below(&random, 5), x = zoo_below(&random, 30 - w), y = zoo_below(&random, 24 - h);
+            int w = 1 + zoo_below(&random, 5), h = 1 + zoo_below(&random, 5);
+            int x = zoo_below(&random, 30 - w), y = zoo_below(&random, 24 - h);
             float level = zoo_unit(&random);
             for (j = y; j < y + h; ++j)
                 for (i = x; i < x + w; ++i) heights[j * 29 + i] = n % 2 ? heights[j * 29 + i] * level : level;
@@ -561,7 +571,8 @@ static void bad_input(void)
     REQUIRE(conemap_memory(&desc, &memory, &scratch) == CONEMAP_OK &&
                 conemap_memory(&other, &plain_memory, &plain_scratch) == CONEMAP_OK,
             "memory");
-    CHECK(memory == plain_memory + 3 * 64 * sizeof(float) && scratch > plain_scratch, "%d bytes, %d", (int)memory, (int)plain_memory);
+    CHECK(memory == plain_memory + 3 * 64 * sizeof(float) && scratch > plain_scratch, "%d bytes, %d", (int)memory,
+          (int)plain_memory);
     desc.memory = test_alloc(memory);
     desc.memory_size = memory;
     desc.scratch = test_alloc(scratch);
@@ -579,7 +590,8 @@ static void bad_input(void)
     CHECK(conemap_verify(&info, map.heights, map.cones, NULL, &report) == CONEMAP_ERROR_PARAMETER, "verify 5 sectors");
     memcpy(pixels, map.cones, sizeof pixels);
     pixels[255] = -1.0f;
-    CHECK(conemap_verify(&map.info, map.heights, pixels, NULL, &report) == CONEMAP_ERROR_PARAMETER, "the last plane's last cone");
+    CHECK(conemap_verify(&map.info, map.heights, pixels, NULL, &report) == CONEMAP_ERROR_PARAMETER,
+          "the last plane's last cone");
     conemap_free(&map);
     test_release(desc.memory);
 }

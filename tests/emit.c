@@ -382,34 +382,16 @@ static void runs_as_c(void)
         for (kind = 0; kind < ZOO_KINDS; ++kind) {
             for (size = 0; size < (int)(sizeof sizes / sizeof sizes[0]); ++size) {
                 const conemap_shader_desc *shader = &goldens[g].desc;
-                conemap_desc desc;
                 conemap_map map;
                 struct truth_map truth;
-                memset(&desc, 0, sizeof desc);
-                zoo_fill(kind, sizes[size][0], sizes[size][1], 17, heights);
-                desc.heights.pixels = heights;
-                desc.heights.width = sizes[size][0];
-                desc.heights.height = sizes[size][1];
-                desc.wrap_u = shader->map.wrap_u;
-                desc.wrap_v = shader->map.wrap_v;
-                desc.aspect = shader->map.aspect;
-                desc.texture = shader->map.texture;
-                desc.generator = goldens[g].generator;
-                desc.keep_pyramid = 1;
-                if (!CHECK(conemap_build(&desc, &map) == CONEMAP_OK, "%s %s", goldens[g].file, zoo_name(kind)))
-                    return;
-                truth.width = sizes[size][0];
-                truth.height = sizes[size][1];
-                truth.wrap_u = (int)desc.wrap_u;
-                truth.wrap_v = (int)desc.wrap_v;
-                truth.heights = map.heights;
+                conemap_result result = compare_build(shader, goldens[g].generator, kind, sizes[size][0],
+                                                      sizes[size][1], 17, heights, &map, &truth);
+                REQUIRE(result == CONEMAP_OK, "%s %s", goldens[g].file, zoo_name(kind));
                 bind_map(&map);
                 for (k = 0; k < 48; ++k) {
                     conemap_ray ray = compare_ray(&random, truth.width, truth.height, k);
                     struct shader_hit hit;
-                    if ((truth.wrap_u == 1 || truth.wrap_v == 1) && ray.direction[2] > -0.01f &&
-                        ray.direction[2] < 0.01f)
-                        continue;
+                    if (compare_is_endless(&truth, &ray)) continue;
                     hit = goldens[g].run(&ray);
                     compare_hit(&map, &truth, &shader->trace, &ray, &hit, &counts);
                 }

@@ -65,6 +65,53 @@ static inline conemap_ray compare_ray(struct zoo_random *random, int width, int 
     return ray;
 }
 
+/* Exactly along the rim of a surface that ends at its outermost centres: the last bit decides whether it meets it. */
+static inline int compare_on_rim(const struct truth_map *truth, const conemap_ray *ray)
+{
+    int k;
+    for (k = 0; k < 2; ++k) {
+        const float size = (float)(k ? truth->height : truth->width), place = ray->origin[k] * size;
+        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f &&
+            (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
+            return 1;
+    }
+    return 0;
+}
+
+/* Does it go on and on over a map that repeats? */
+static inline int compare_is_endless(const struct truth_map *truth, const conemap_ray *ray)
+{
+    return (truth->wrap_u == 1 || truth->wrap_v == 1) && ray->direction[2] > -0.01f && ray->direction[2] < 0.01f;
+}
+
+/* Builds what a shader is written for, from heights of the zoo. */
+static inline conemap_result compare_build(const conemap_shader_desc *shader, conemap_generator generator, int kind,
+                                           int width, int height, uint32_t seed, float *heights, conemap_map *map,
+                                           struct truth_map *truth)
+{
+    conemap_desc desc;
+    conemap_result result;
+    memset(&desc, 0, sizeof desc);
+    zoo_fill(kind, width, height, seed, heights);
+    desc.heights.pixels = heights;
+    desc.heights.width = width;
+    desc.heights.height = height;
+    desc.wrap_u = shader->map.wrap_u;
+    desc.wrap_v = shader->map.wrap_v;
+    desc.aspect = shader->map.aspect;
+    desc.max_tan = shader->map.max_tan;
+    desc.texture = shader->map.texture;
+    desc.generator = generator;
+    desc.keep_pyramid = 1;
+    result = conemap_build(&desc, map);
+    truth->width = width;
+    truth->height = height;
+    truth->wrap_u = (int)desc.wrap_u;
+    truth->wrap_v = (int)desc.wrap_v;
+    truth->heights = map->heights;
+    return result;
+}
+
 /* Length in t of 1/16 texel along the ray; for steep rays of 1/16 texel of height. */
 static inline double compare_grain(const conemap_map *map, const conemap_ray *ray)
 {

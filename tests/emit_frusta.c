@@ -677,7 +677,8 @@ static void runs_as_c(void)
         CHECK(counts.gradients * 200 <= counts.places && counts.numbers * 100 <= counts.places, /* at a ray's own start */
               "%s: %d gradients, %d numbers of %d are others", goldens[g].file, counts.gradients, counts.numbers,
               counts.places);
-        CHECK(!(shader.flags & skies) || g == ANY || (counts.dark * 8 > counts.places && counts.dark * 8 < 7 * counts.places),
+        CHECK(!(shader.flags & skies) || g == ANY ||
+              (counts.dark * 8 > counts.places && counts.dark * 8 < 7 * counts.places),
               "%s: %d of %d in shadow", goldens[g].file, counts.dark, counts.places);
         CHECK(!(shader.flags & CONEMAP_EFFECT_FADE) || g == ANY || counts.faded * 20 > counts.places, "%s: %d of %d fading",
               goldens[g].file, counts.faded, counts.places);
@@ -877,7 +878,8 @@ static int strange_lines(const char *text, const char *const *others, int count)
         }
         if (k < count) continue;
         for (k = 0; k < (int)length && strncmp(text + k, "conemap_", 8) != 0;) ++k;
-        if (k < (int)length && (strncmp(text + k, "conemap_finish(", 15) == 0 || strncmp(text + k, "conemap_meet(", 13) == 0))
+        if (k < (int)length && (strncmp(text + k, "conemap_finish(", 15) == 0 ||
+                                strncmp(text + k, "conemap_meet(", 13) == 0))
             continue;
         ++strange;
     }

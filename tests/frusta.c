@@ -1408,7 +1408,8 @@ static void speed_bound(void)
 }
 
 /* The bound's parts by themselves, each where it is nearly reached, so that none can be less than it is: v along a
-   steep cut's slope, v along the axis, u around the axis, and u where exact_u stretches it most. */
+   steep cut's slope, v along the axis, u around the axis, u where exact_u stretches it most, and u along the axis where
+   exact_u twists it. */
 static void tight_speed_bound(void)
 {
     static float heights[SIDE * SIDE];
@@ -1416,23 +1417,34 @@ static void tight_speed_bound(void)
     struct chain chain;
     struct zoo_random random = zoo_seed(519);
     conemap_map map;
-    static const char *const names[4] = {"up a cut", "along the axis", "around the axis", "stretched"};
-    double nearest[4] = {0, 0, 0, 0};
+    static const struct {
+        const char *name;
+        int straight;
+        float top, v_size;
+        int exact_u, along;
+    } parts[5] = {
+        {"up a cut", 0, 0.5f, 100.0f, 0, 0},
+        {"along the axis", 1, 0.5f, 100.0f, 0, 1},
+        {"around the axis", 0, 0.5f, 1e-3f, 0, 0},
+        {"stretched", 0, 8.0f, 1e-3f, 1, 0},
+        {"twisted", 0, 2.0f, 1e-3f, 1, 1},
+    };
     int part, n, k;
     REQUIRE(relief_map(ZOO_FBM, 1, heights, &map, &truth), "map");
-    for (part = 0; part < 4; ++part) {
+    for (part = 0; part < 5; ++part) {
         conemap_skeleton skeleton;
         const conemap_frustum *f;
+        double nearest = 0;
         make_chain(&random, CYLINDERS, 0.0f, 2, &chain);
         for (k = 0; k < 3; ++k) {
-            chain.joints[k].position[0] = part == 1 || k < 2 ? 0.0f : 20.0f;
-            chain.joints[k].position[1] = k == 2 && part != 1 ? 25.0f : 30.0f * (float)k;
+            chain.joints[k].position[0] = parts[part].straight || k < 2 ? 0.0f : 20.0f;
+            chain.joints[k].position[1] = k == 2 && !parts[part].straight ? 25.0f : 30.0f * (float)k;
             chain.joints[k].position[2] = 0;
-            chain.joints[k].radius = part == 3 && k > 0 ? 8.0f : 0.5f;
+            chain.joints[k].radius = k > 0 ? parts[part].top : 0.5f;
             chain.joints[k].thickness = 0.5f;
         }
-        chain.segments[0].v_size = part < 2 ? 100.0f : 1e-3f;
-        chain.desc.exact_u = part == 3;
+        chain.segments[0].v_size = parts[part].v_size;
+        chain.desc.exact_u = parts[part].exact_u;
         REQUIRE(conemap_skeleton_build(&chain.desc, &skeleton) == CONEMAP_OK && skeleton.clamped == 0, "build");
         f = &skeleton.frusta[0];
         for (n = 0; n < 400; ++n) {
@@ -1451,7 +1463,7 @@ static void tight_speed_bound(void)
                 cosine = (double)f->upper[1] / steep;
                 shell.ray.v[0] = -sine;
                 shell.ray.v[2] = -cosine;
-            } else if (part == 1)
+            } else if (parts[part].along)
                 shell.ray.v[1] = 1;
             else {
                 shell.ray.v[0] = cosine;
@@ -1466,10 +1478,10 @@ static void tight_speed_bound(void)
             bound = conemap__map_speed(&shell, 0, 0.01);
             way = turns_apart(b.u, a.u) * f->u_repeat;
             way = sqrt(way * way + (b.v - a.v) * (b.v - a.v) * (double)f->v_size * (double)f->v_size) / step;
-            CHECK(way <= bound * (1 + 1e-4), "%s: the map goes by at %g, bound %g", names[part], way, bound);
-            if (way / bound > nearest[part]) nearest[part] = way / bound;
+            CHECK(way <= bound * (1 + 1e-4), "%s: the map goes by at %g, bound %g", parts[part].name, way, bound);
+            if (way / bound > nearest) nearest = way / bound;
         }
-        CHECK(nearest[part] > 0.7, "%s: at most %.2f of the bound", names[part], nearest[part]);
+        CHECK(nearest > 0.7, "%s: at most %.2f of the bound", parts[part].name, nearest);
         conemap_skeleton_free(&skeleton);
     }
     conemap_free(&map);

@@ -345,7 +345,8 @@ static void distance(void)
         between = other.t;
         conemap_skeleton_shade(&posts.skeleton, &trace, &e, 1.0f, &ray, &hit, &s, 1);
         conemap_skeleton_trace(&posts.skeleton, &plain, &ray, &other, 1);
-        CHECK(hit.status == other.status && fabsf(hit.t - other.t) < 1e-4f, "far away: %g, %g", (double)hit.t, (double)other.t);
+        CHECK(hit.status == other.status && fabsf(hit.t - other.t) < 1e-4f, "far away: %g, %g", (double)hit.t,
+              (double)other.t);
         if (other.status != CONEMAP_HIT || other.cap || hit.cap) continue;
         CHECK(s.fade == 1.0f, "fade %g", (double)s.fade);
         /* The shell is 0.25 thick, at a distance that the outer cone of radius 1.25 tells. */
@@ -420,7 +421,8 @@ static void footprints(void)
         if (hit.status != CONEMAP_HIT || hit.cap || facing > -0.2f) goto next;
         /* across: at right angles to the normal and the ray. The other axis: away from the viewer, along the surface. */
         for (k = 0; k < 3; ++k)
-            across[k] = s.normal[(k + 1) % 3] * ray.direction[(k + 2) % 3] - s.normal[(k + 2) % 3] * ray.direction[(k + 1) % 3];
+            across[k] = s.normal[(k + 1) % 3] * ray.direction[(k + 2) % 3] -
+                        s.normal[(k + 2) % 3] * ray.direction[(k + 1) % 3];
         for (k = 0; k < 3; ++k) length += across[k] * across[k];
         for (k = 0; k < 3; ++k) other.direction[k] += pixel * across[k] / sqrtf(length);
         conemap_skeleton_shade(&skeleton, NULL, &e, pixel, &other, &beside, &none, 1);
@@ -520,7 +522,8 @@ static void holes(void)
             if (wanted == 1 && facing < 0.0f) CHECK(s.shadow == 0.0f, "through the wall: %g", (double)s.shadow);
         }
     }
-    CHECK(counts[0] > 100 && counts[1] > 50 && counts[2] > 50, "%d near, %d far, %d through", counts[0], counts[1], counts[2]);
+    CHECK(counts[0] > 100 && counts[1] > 50 && counts[2] > 50, "%d near, %d far, %d through", counts[0], counts[1],
+          counts[2]);
     conemap_free(&map);
     conemap_skeleton_free(&posts.skeleton);
 }

@@ -31,7 +31,9 @@ static void compare(const conemap_desc *settings, const char *what)
         CHECK(memcmp(&map.info, &plain.info, sizeof map.info) == 0, "%s: infos differ", what);
         for (k = 0; result == CONEMAP_OK && k < count; ++k) {
             const size_t at = k % texels;
-            if (memcmp(&map.heights[at], &plain.heights[at], 4) == 0 && memcmp(&map.cones[k], &plain.cones[k], 4) == 0) continue;
+            if (memcmp(&map.heights[at], &plain.heights[at], 4) == 0 &&
+                memcmp(&map.cones[k], &plain.cones[k], 4) == 0)
+                continue;
             CHECK(0, "%s: %s at (%d, %d), sector %d: height %.9g, cone %.9g; plain %.9g, %.9g", what,
                   conemap_isa_name(desc.isa), (int)at % desc.heights.width, (int)at / desc.heights.width, (int)(k / texels),
                   (double)map.heights[at], (double)map.cones[k], (double)plain.heights[at], (double)plain.cones[k]);
@@ -56,8 +58,11 @@ static void codes(void)
                 const uint16_t half = (uint16_t)(k % 0x3c01), word = (uint16_t)k;
                 const float value = (float)k / 65549.0f;
                 const unsigned char byte = (unsigned char)(k & 255);
-                memcpy(pixels + k * step, format == CONEMAP_F32 ? (const void *)&value : format == CONEMAP_F16 ? (const void *)&half
-                                  : format == CONEMAP_UNORM8 ? (const void *)&byte : (const void *)&word, (size_t)size);
+                const void *pixel = format == CONEMAP_F32      ? (const void *)&value
+                                    : format == CONEMAP_F16    ? (const void *)&half
+                                    : format == CONEMAP_UNORM8 ? (const void *)&byte
+                                                               : (const void *)&word;
+                memcpy(pixels + k * step, pixel, (size_t)size);
             }
             for (to = 0; to < CONEMAP_FORMAT_COUNT; ++to) {
                 for (depth = 0; depth < 2; ++depth) {
@@ -151,7 +156,8 @@ static void generators(void)
             desc.min3x3 = zoo_below(&random, 2);
             desc.texture.format = (conemap_format)zoo_below(&random, 4);
             desc.texture.encoding = (conemap_encoding)zoo_below(&random, desc.texture.per_cell ? 2 : 3);
-            snprintf(what, sizeof what, "%s %dx%d %s/%s aspect %g, generator %d, guarantee %d, sectors %d, slack %g, seed %d",
+            snprintf(what, sizeof what,
+                     "%s %dx%d %s/%s aspect %g, generator %d, guarantee %d, sectors %d, slack %g, seed %d",
                      zoo_name(kind), desc.heights.width, desc.heights.height, wrap_names[desc.wrap_u],
                      wrap_names[desc.wrap_v], (double)desc.aspect, (int)desc.generator, (int)desc.guarantee,
                      desc.texture.sectors, (double)desc.slack, round);

@@ -130,7 +130,8 @@ static void compare(const conemap_map *map, const char *what)
         /* a hit is no hit early: the truth is at or below the surface there, or just above */
         if (a->status == CONEMAP_HIT && !a->inside) {
             double over = (double)a->z - truth_height(&truth, (double)a->u, (double)a->v);
-            double steep = 2e-6 * (double)(map->info.width + map->info.height) * (1.0 + fabs((double)a->u) + fabs((double)a->v));
+            double steep = 2e-6 * (double)(map->info.width + map->info.height) *
+                           (1.0 + fabs((double)a->u) + fabs((double)a->v));
             CHECK(over < MISS + steep, "%s: ray %d: a hit %g above the surface", what, k, over);
         }
         end = a->status == CONEMAP_HIT ? (double)a->t * (1.0 - 1e-6) - 1e-9

@@ -407,6 +407,33 @@ static void relaxed_counterexample(void)
     CHECK(paper > 2.0f * ours, "the paper's cone is %g, ours %g", (double)paper, (double)ours);
 }
 
+/* From the edge between a high and a low texel a spike is seen more steeply than from either of them: only looking down
+   at the cells there from the spike, four texels away, narrows their cones. Texels are eight times as long as wide. */
+static void relaxed_cells_seen_from_near(void)
+{
+    static struct relief r;
+    double a = 1.0 / 11.0, worst = 0.0;
+    int x, y, k;
+    memset(&r, 0, sizeof r);
+    r.kind = ZOO_FLAT_0;
+    r.width = 11;
+    r.height = 7;
+    r.wrap_u = r.wrap_v = CONEMAP_NOTHING;
+    r.aspect = 8.0f * 7.0f / 11.0f;
+    for (y = 0; y < 7; ++y)
+        for (x = 0; x < 2; ++x) r.heights[y * 11 + x] = (y <= 3 ? 0.66f : 0.2f) + 0.07f * (float)x;
+    r.heights[3 * 11 + 4] = 1.0f;
+    if (build_with(&r, CONEMAP_RELAXED_EXACT, CONEMAP_GUARANTEE_DEFAULT, 0.0f, 100.0f) != CONEMAP_OK) return;
+    for (k = 0; k <= 64; ++k) {
+        double h[4], t[4], down = k / 64.0, ratio;
+        corners(&r, r.heights, 0, 3, h);
+        corners(&r, r.cones, 0, 3, t);
+        ratio = (1.0 - mix(h, 0.0, down)) * mix(t, 0.0, down) / (a * sqrt(16.0 + 64.0 * down * down));
+        if (ratio > worst) worst = ratio;
+    }
+    CHECK(worst > 0.9 && worst <= 1.0, "a cone reaches %.9g of the way to the spike", worst);
+}
+
 /* ---- the exact tracer on relaxed maps, and any hit ---- */
 
 static conemap_ray random_ray(struct zoo_random *random)
@@ -455,8 +482,8 @@ static void relaxed_maps_and_any_hit(void)
             CHECK(conemap_trace(&relaxed, NULL, &ray, &b, 1) == CONEMAP_OK, "trace");
             CHECK(conemap_trace(&safe, &any, &ray, &c, 1) == CONEMAP_OK, "trace");
             CHECK(conemap_trace(&vertex, &any, &ray, &d, 1) == CONEMAP_OK, "trace");
-            CHECK(a.status == b.status && fabsf(a.t - b.t) < 1e-4f, "relaxed: status %d at %g, right %d at %g", (int)b.status,
-                  (double)b.t, (int)a.status, (double)a.t);
+            CHECK(a.status == b.status && fabsf(a.t - b.t) < 1e-4f, "relaxed: status %d at %g, right %d at %g",
+                  (int)b.status, (double)b.t, (int)a.status, (double)a.t);
             CHECK(a.status == c.status, "any hit: status %d, right %d", (int)c.status, (int)a.status);
             CHECK(d.status != CONEMAP_HIT || a.status == CONEMAP_HIT, "any hit where there is none");
             if (b.steps > 0)
@@ -545,6 +572,7 @@ const struct test_case safe_tests[] = {
     {"relaxed search is ring search", relaxed_search_is_ring_search},
     {"relaxed steps pass the surface once", relaxed_steps_pass_the_surface_once},
     {"relaxed counterexample", relaxed_counterexample},
+    {"relaxed cells seen from near", relaxed_cells_seen_from_near},
     {"relaxed maps and any hit", relaxed_maps_and_any_hit},
     {"far origins and large counts", far_origins_and_large_counts},
     {NULL, NULL},

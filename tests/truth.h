@@ -216,16 +216,14 @@ static inline void truth_above_floor(const double origin[3], const double direct
     }
 }
 
-/* The first 0 <= t <= t_max at which the ray is at or below the surface: 1 and *t, or 0 if there is none.
-   t_max may be HUGE_VAL; a ray that never ends is given up after TRUTH_MAX_CELLS cells. */
-static inline int truth_trace(const struct truth_map *map, const double origin[3], const double direction[3],
-                              double t_max, double *t)
+/* truth_trace where the height of the highest texel is known, above which nothing happens. */
+static inline int truth_trace_below(const struct truth_map *map, double high, const double origin[3],
+                                    const double direction[3], double t_max, double *t)
 {
     struct truth_walk walk;
-    double low, high, t0 = 0.0, t1 = t_max;
+    double t0 = 0.0, t1 = t_max;
 
     truth_above_floor(origin, direction, &t0, &t1);
-    truth_bounds(map, &low, &high); /* nothing happens above the highest texel */
     high += 1e-9;
     if (direction[2] < 0.0) {
         double enter = (high - origin[2]) / direction[2];
@@ -261,6 +259,16 @@ static inline int truth_trace(const struct truth_map *map, const double origin[3
         }
     } while (truth_walk_next(&walk));
     return 0;
+}
+
+/* The first 0 <= t <= t_max at which the ray is at or below the surface: 1 and *t, or 0 if there is none.
+   t_max may be HUGE_VAL; a ray that never ends is given up after TRUTH_MAX_CELLS cells. */
+static inline int truth_trace(const struct truth_map *map, const double origin[3], const double direction[3],
+                              double t_max, double *t)
+{
+    double low, high;
+    truth_bounds(map, &low, &high);
+    return truth_trace_below(map, high, origin, direction, t_max, t);
 }
 
 /* The least height of the ray above the surface over t0 <= t <= t1 (negative: below); HUGE_VAL if the ray is

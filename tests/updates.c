@@ -85,7 +85,8 @@ static void updates_equal_builds(void)
             other = desc;
             other.isa = CONEMAP_ISA_DEFAULT;
             REQUIRE(conemap_build(&other, &whole) == CONEMAP_OK, "build %d", k);
-            CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y, w, h);
+            CHECK(same_maps(&map, &whole), "map %d edit %d (%d, %d, %d x %d): not what a full build gives", k, n, x, y,
+                  w, h);
             conemap_free(&whole);
         }
         conemap_free(&map);
@@ -144,6 +145,38 @@ static void kept_searches_follow(void)
         }
         conemap_free(&map);
     }
+}
+
+/* A block's cones are decided from texels around it too: here only the texels beside a high block, 0.1 lower, see the
+   edit as steeply as the block's cones allow. Their own block and those between have pits, whose cones nothing so far
+   away can narrow. */
+static void neighbours_are_surveyed(void)
+{
+    enum { ACROSS = 32, DOWN = 48 };
+    static float land[ACROSS * DOWN];
+    conemap_desc desc = make_desc(0);
+    conemap_map map, whole;
+    int i, j, at = 14 * ACROSS + 15;
+    float before;
+    for (j = 0; j < DOWN; ++j)
+        for (i = 0; i < ACROSS; ++i)
+            land[j * ACROSS + i] = j < 16 && i < 16 ? 0.5f : j % 2 == 0 || (j < 16 && i == 16) ? 0.4f : 0.1f;
+    desc.heights.pixels = land;
+    desc.heights.width = ACROSS;
+    desc.heights.height = DOWN;
+    desc.aspect = (float)DOWN / (6.0f * (float)ACROSS); /* texels are six times as wide as high */
+    desc.max_tan = 1.0f / (6.0f * (float)ACROSS) / 0.0212f;
+    desc.keep_search = 1;
+    REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+    before = map.cones[at];
+    land[42 * ACROSS + 16] = 1.0f;
+    CHECK(conemap_update(&map, &desc, 16, 42, 1, 1) == CONEMAP_OK, "update");
+    REQUIRE(conemap_build(&desc, &whole) == CONEMAP_OK, "build");
+    CHECK(whole.cones[at] < before, "the edit narrows nothing");
+    CHECK(!memcmp(map.cones, whole.cones, sizeof land), "%.9g, a full build gives %.9g", (double)map.cones[at],
+          (double)whole.cones[at]);
+    conemap_free(&whole);
+    conemap_free(&map);
 }
 
 /* Generators without a partial way of their own are built again, in the memory that the map has. */
@@ -275,6 +308,7 @@ static void in_own_memory(void)
 const struct test_case updates_tests[] = {
     {"kept searches follow", kept_searches_follow},
     {"updates equal builds", updates_equal_builds},
+    {"neighbours are surveyed", neighbours_are_surveyed},
     {"other generators", other_generators},
     {"errors leave the map", errors_leave_the_map},
     {"in own memory", in_own_memory},

@@ -976,19 +976,6 @@ static void kernels(const char *folder, conemap_dialect dialect, int writes, FIL
     }
 }
 
-/* Exactly along the rim of a surface that ends at its outermost centres: the last bit decides whether it meets it. */
-static int on_rim(const struct truth_map *truth, const conemap_ray *ray)
-{
-    int k;
-    for (k = 0; k < 2; ++k) {
-        const float size = (float)(k ? truth->height : truth->width), place = ray->origin[k] * size;
-        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f &&
-            (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
-            return 1;
-    }
-    return 0;
-}
-
 int main(int argument_count, char **arguments)
 {
     static const int sizes[2][2] = {{64, 48}, {17, 23}};
@@ -1010,21 +997,10 @@ int main(int argument_count, char **arguments)
         for (kind = 0; kind < ZOO_KINDS; ++kind) {
             conemap_shader_desc d = item->desc;
             const int size = d.fixed_size ? 0 : kind & 1;
-            conemap_desc build;
             conemap_map map;
             struct truth_map truth;
-            memset(&build, 0, sizeof build);
-            zoo_fill(kind, sizes[size][0], sizes[size][1], 23, heights);
-            build.heights.pixels = heights;
-            build.heights.width = sizes[size][0];
-            build.heights.height = sizes[size][1];
-            build.wrap_u = d.map.wrap_u;
-            build.wrap_v = d.map.wrap_v;
-            build.aspect = d.map.aspect;
-            build.texture = d.map.texture;
-            build.generator = item->generator;
-            build.keep_pyramid = 1;
-            if (conemap_build(&build, &map) != CONEMAP_OK) {
+            if (compare_build(&d, item->generator, kind, sizes[size][0], sizes[size][1], 23, heights, &map, &truth) !=
+                CONEMAP_OK) {
                 wrong("%s: build", item->name);
                 break;
             }
@@ -1034,15 +1010,9 @@ int main(int argument_count, char **arguments)
                 if (writes) write_bindings(folder, n, &d);
                 if (texts) write_call(calls, n, &d);
             }
-            truth.width = map.info.width;
-            truth.height = map.info.height;
-            truth.wrap_u = (int)map.info.wrap_u;
-            truth.wrap_v = (int)map.info.wrap_v;
-            truth.heights = map.heights;
             for (k = 0; k < RAYS; ++k) {
                 do rays[k] = compare_ray(&random, truth.width, truth.height, k);
-                while (on_rim(&truth, &rays[k]) || ((truth.wrap_u == 1 || truth.wrap_v == 1) &&
-                                                    rays[k].direction[2] > -0.01f && rays[k].direction[2] < 0.01f));
+                while (compare_on_rim(&truth, &rays[k]) || compare_is_endless(&truth, &rays[k]));
                 if (d.t_range) {
                     rays[k].t_min = 0.1f;
                     rays[k].t_max = 0.7f;

@@ -300,7 +300,8 @@ static void compare(const struct scene *scene, const char *model, const struct r
     projection(&view, m);
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
-            const size_t at = (size_t)y * (size_t)width + (size_t)x, from = (size_t)(height - 1 - y) * (size_t)width + (size_t)x;
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            const size_t from = (size_t)(height - 1 - y) * (size_t)width + (size_t)x;
             const conemap_ray ray = pixel_ray(&view, (float)x + 0.5f, (float)y + 0.5f);
             float t;
             to_screen(seen_by_cpu(scene, &ray, &t), cpu + 3 * at);
@@ -473,7 +474,8 @@ static void compare_effects(const struct scene *scene, unsigned flags, int *pixe
         if (hit.status != CONEMAP_HIT) continue;
         ++hits;
         numbers += (flags & CONEMAP_EFFECT_POSITION) && apart(told[1] + 4 * k, s.position, 3, 2e-3f);
-        if (flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL)) turned += apart(told[2] + 4 * k, s.normal, 3, 0.02f);
+        if (flags & (CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SMOOTH_NORMAL))
+            turned += apart(told[2] + 4 * k, s.normal, 3, 0.02f);
         if (flags & CONEMAP_EFFECT_UV) levels += fabsf(told[3][4 * k] - level_of(&s.gradient)) > 0.6f;
         if (flags & lights) dark += fabsf(told[4][4 * k] - s.shadow) > 0.07f;
         if (flags & skies) closed += fabsf(told[4][4 * k + 1] - s.occlusion) > 0.02f;
@@ -502,8 +504,8 @@ static void compare_effects(const struct scene *scene, unsigned flags, int *pixe
     }
     if (hits < SMALL / 50 || others * 50 > hits || turned * 50 > hits || dark * 50 > hits || closed * 50 > hits ||
         levels * 50 > hits || numbers * 50 > hits)
-        wrong("effects %x: of %d hits %d are others, %d normals, %d shadows, %d skies, %d levels of colour, %d numbers", flags,
-              hits, others, turned, dark, closed, levels, numbers);
+        wrong("effects %x: of %d hits %d are others, %d normals, %d shadows, %d skies, %d levels of colour, %d numbers",
+              flags, hits, others, turned, dark, closed, levels, numbers);
 }
 
 static int make_scene(const char *model, struct scene *scene) {
@@ -546,9 +548,10 @@ static void effects(const char *folder) {
             compare_effects(&scene, flags, &pixels, NULL);
             ++sets;
         }
-    compare_effects(&scene, all & ~(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY), &pixels, folder);
-    compare_effects(&scene, all & ~(CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION), &pixels,
+    compare_effects(&scene, all & ~(CONEMAP_EFFECT_NORMAL | CONEMAP_EFFECT_SOFT_SHADOW | CONEMAP_EFFECT_SKY), &pixels,
                     folder);
+    compare_effects(&scene, all & ~(CONEMAP_EFFECT_SMOOTH_NORMAL | CONEMAP_EFFECT_SHADOW | CONEMAP_EFFECT_OCCLUSION),
+                    &pixels, folder);
     printf("frusta: %d sets of effects, %d pixels like the CPU's\n", sets + 2, pixels);
 }
 

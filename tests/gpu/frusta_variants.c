@@ -1,7 +1,7 @@
 /* Writes the emitted frusta for the compilers:  frusta_variants DIALECT FOLDER [six times the random count]
    Every value of every option, every pair of two, and a seeded random sample; every effect in functions, every pair of
-   effects in fragment shaders; equal texts once. What the emitter refuses
-   is skipped; the count of each is printed. Functions get what a host adds around them. */
+   effects in fragment shaders; equal texts once. What the emitter refuses is skipped; the count of each is printed.
+   Functions get what a host adds around them. */
 #define CONEMAP_IMPLEMENTATION
 #include "conemap.h"
 #include "../zoo.h"
@@ -71,7 +71,9 @@ static void fill(conemap_frusta_shader_desc *d, conemap_dialect dialect, const i
     if (choice[k++] || dialect == CONEMAP_C99) d->fetch_frusta = "host_rows";
     d->depth_bound = (conemap_depth_bound)choice[k++];
     d->flags = chosen_effects ? chosen_effects : effects_of[choice[k++]];
-    if (!d->relief) d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION | CONEMAP_EFFECT_HOLES);
+    if (!d->relief)
+        d->flags &= ~(unsigned)(CONEMAP_EFFECT_LOD | CONEMAP_EFFECT_FADE | CONEMAP_EFFECT_OCCLUSION |
+                                CONEMAP_EFFECT_HOLES);
 }
 
 /* The same in WGSL and MSL, where a host that fetches has a struct around all. */
@@ -166,9 +168,12 @@ static void wrap(const conemap_frusta_shader_desc *d)
             if (!d->any_hit)
                 sprintf(call + strlen(call), " || %s_see_frustum(%s1, %s.xyz, %s).found", prefix, e, place, place);
             if (effects && hlsl)
-                at += sprintf(at, "cbuffer host_settings : register(b9) {\n    %s_frusta_effects host_effects;\n};\n", prefix);
+                at += sprintf(at, "cbuffer host_settings : register(b9) {\n    %s_frusta_effects host_effects;\n};\n",
+                              prefix);
             else if (effects && vulkan)
-                at += sprintf(at, "layout(set = 3, binding = 9) uniform host_settings {\n    %s_frusta_effects host_effects;\n};\n",
+                at += sprintf(at,
+                              "layout(set = 3, binding = 9) uniform host_settings {\n"
+                              "    %s_frusta_effects host_effects;\n};\n",
                               prefix);
             else if (effects)
                 at += sprintf(at, "uniform %s_frusta_effects host_effects;\n", prefix);

@@ -338,19 +338,6 @@ static void draw(const struct run *r, GLuint p, const conemap_map *map, GLuint t
     if (gl.GetError() != 0) wrong("%s: a GL error", r->name);
 }
 
-/* Exactly along the rim of a surface that ends at its outermost centres: the last bit decides whether it meets it. */
-static int on_rim(const struct truth_map *truth, const conemap_ray *ray)
-{
-    int k;
-    for (k = 0; k < 2; ++k) {
-        const float size = (float)(k ? truth->height : truth->width), place = ray->origin[k] * size;
-        if ((k ? truth->wrap_v : truth->wrap_u) == 2 && ray->direction[k] == 0.0f &&
-            (fabsf(place - 0.5f) < 1e-4f || fabsf(place - size + 0.5f) < 1e-4f))
-            return 1;
-    }
-    return 0;
-}
-
 static void run(const struct run *r)
 {
     static const int sizes[2][2] = {{64, 48}, {17, 23}};
@@ -384,23 +371,11 @@ static void run(const struct run *r)
         }
     }
     for (kind = 0; kind < ZOO_KINDS; ++kind) {
-        conemap_desc build_desc;
         conemap_map map;
         struct truth_map truth;
         size = desc.fixed_size ? 0 : kind & 1;
-        memset(&build_desc, 0, sizeof build_desc);
-        zoo_fill(kind, sizes[size][0], sizes[size][1], 23, heights);
-        build_desc.heights.pixels = heights;
-        build_desc.heights.width = sizes[size][0];
-        build_desc.heights.height = sizes[size][1];
-        build_desc.wrap_u = desc.map.wrap_u;
-        build_desc.wrap_v = desc.map.wrap_v;
-        build_desc.aspect = desc.map.aspect;
-        build_desc.max_tan = desc.map.max_tan;
-        build_desc.texture = desc.map.texture;
-        build_desc.generator = r->generator;
-        build_desc.keep_pyramid = 1;
-        if (conemap_build(&build_desc, &map) != CONEMAP_OK) {
+        if (compare_build(&desc, r->generator, kind, sizes[size][0], sizes[size][1], 23, heights, &map, &truth) !=
+            CONEMAP_OK) {
             wrong("%s: build", r->name);
             return;
         }
@@ -414,15 +389,9 @@ static void run(const struct run *r)
                 return;
             }
         }
-        truth.width = map.info.width;
-        truth.height = map.info.height;
-        truth.wrap_u = (int)map.info.wrap_u;
-        truth.wrap_v = (int)map.info.wrap_v;
-        truth.heights = map.heights;
         for (k = 0; k < RAYS; ++k) {
             do rays[k] = compare_ray(&random, truth.width, truth.height, k);
-            while (on_rim(&truth, &rays[k]) || ((truth.wrap_u == 1 || truth.wrap_v == 1) &&
-                                                rays[k].direction[2] > -0.01f && rays[k].direction[2] < 0.01f));
+            while (compare_on_rim(&truth, &rays[k]) || compare_is_endless(&truth, &rays[k]));
             if (desc.t_range) {
                 rays[k].t_min = 0.1f;
                 rays[k].t_max = 0.7f;
@@ -542,7 +511,8 @@ static int relaxed_violations(const conemap_map *map, const float *cones)
     return bad;
 }
 
-/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers read. */
+/* Whole cone maps made pass by pass, as draws or dispatches, against the CPU's; with `cells` the maxima that tracers
+   read. */
 static void make_maps(conemap_dialect dialect, conemap_stage stage, int what, conemap_wrap wrap)
 {
     static const char *const versions[] = {"330 core", "430 core", "450 core", "", "300 es", "310 es"};
@@ -965,7 +935,8 @@ static void run_hlsl(void)
     for (k = MAKE_EXACT; k < MAKE_COUNT; k += 3) /* of Vulkan a few: but for bindings and arguments it is GLSL 450 */
         make_maps(CONEMAP_GLSL_450_VULKAN, CONEMAP_STAGE_COMPUTE, k, k % 2 ? CONEMAP_CLAMP : CONEMAP_WRAP);
     if (!hlsl_writes)
-        printf("HLSL and Vulkan's GLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, misses: %d beyond single precision\n",
+        printf("HLSL and Vulkan's GLSL on a software GPU: %d shaders, %d rays, %d differ from the CPU, "
+               "misses: %d beyond single precision\n",
                hlsl_count, total.rays, total.different, total.misses);
 }
 

@@ -318,32 +318,13 @@ static void wrap(const conemap_shader_desc *d)
             strcat(call, c ? ", s" : hlsl ? ", int2(3, 4)" : ", ivec2(3, 4)");
         if (d->array) strcat(call, ", 1");
         strcat(call, ")");
-        if (c)
+        if (c) {
+            char size[100] = "";
+            if (d->atlas || !d->fixed_size) sprintf(size, ", %s_%s", prefix, d->atlas ? "ivec4 r" : "ivec2 s");
             sprintf(line,
-                    "bool host(%s_vec3 o, %s_vec3 d%s%s%s);\nbool host(%s_vec3 o, %s_vec3 d%s%s%s) {\n    return "
-                    "%s%s;\n}\n",
-                    prefix, prefix,
-                    d->atlas        ? ", "
-                    : d->fixed_size ? ""
-                                    : ", ",
-                    d->atlas        ? prefix
-                    : d->fixed_size ? ""
-                                    : prefix,
-                    d->atlas        ? "_ivec4 r"
-                    : d->fixed_size ? ""
-                                    : "_ivec2 s",
-                    prefix, prefix,
-                    d->atlas        ? ", "
-                    : d->fixed_size ? ""
-                                    : ", ",
-                    d->atlas        ? prefix
-                    : d->fixed_size ? ""
-                                    : prefix,
-                    d->atlas        ? "_ivec4 r"
-                    : d->fixed_size ? ""
-                                    : "_ivec2 s",
-                    call, d->trace.any_hit ? "" : ".found");
-        else if (hlsl)
+                    "bool host(%s_vec3 o, %s_vec3 d%s);\nbool host(%s_vec3 o, %s_vec3 d%s) {\n    return %s%s;\n}\n",
+                    prefix, prefix, size, prefix, prefix, size, call, d->trace.any_hit ? "" : ".found");
+        } else if (hlsl)
             sprintf(line, "float4 main(float4 p : TEXCOORD0) : SV_Target {\n    return %s%s ? 1.0 : 0.0;\n}\n",
                     call, d->trace.any_hit ? "" : ".found");
         else
