@@ -312,7 +312,7 @@ typedef struct conemap_desc {
     conemap_heights heights;
     conemap_wrap wrap_u, wrap_v;
     float aspect;           /* metres per v over metres per u; 0: 1. 2^-15..2^15 */
-    float max_tan;          /* widest cone; 0: 1, as the papers. Up to CONEMAP_TAN_LIMIT */
+    float max_tan;          /* widest cone; 0: 1, as the papers. 2^-16..CONEMAP_TAN_LIMIT */
     conemap_texture texture;
 
     conemap_generator generator;
@@ -519,9 +519,8 @@ CONEMAP_API const char *conemap_isa_name(conemap_isa isa);
        conemap_end(&map);
    desc->heights.pixels must stay readable until the first pass is done. The bits do not depend on the split.
    Run each job exactly once. conemap_run_job is thread-safe for different jobs; it reports its own error, and
-   conemap_end reports that of
-   the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error conemap_end (and
-   conemap_begin) frees the map. To give up early, call conemap_free. */
+   conemap_end reports that of the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error
+   conemap_end (and conemap_begin) frees the map. To give up early, call conemap_free. */
 CONEMAP_API conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map);
 CONEMAP_API int conemap_pass_count(const conemap_map *map);
 CONEMAP_API int conemap_job_count(const conemap_map *map, int pass);
@@ -632,7 +631,8 @@ typedef struct conemap_report {
    Takes 1 to 10 us a cell on safe maps, more on unsafe ones; cones that follow long even slopes to the last bit
    take the longest and may stay unproven. Where many cells do, less work is put into each of the others.
    Errors: NULL, SIZE, ENUM, PARAMETER (aspect or max_tan as in a desc, but not 0; a cone NaN, infinite or negative),
-   HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
+   HEIGHT, OVERFLOW, UNSUPPORTED (sectors with CONEMAP_DUMMER), MEMORY, ALIGNMENT; the report is then zeroed.
+   Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
                                           const conemap_allocator *allocator, conemap_report *report);
 
@@ -1480,7 +1480,7 @@ typedef struct conemap_gradient {
 
 /* The same on the CPU: from a pixel's ray and those through its neighbours to the right and below, where they meet
    the base surface's tangent plane. Errors: NULL, PARAMETER (also where a ray is parallel to the plane or points
-   away). */
+   away, or nothing finite). */
 CONEMAP_API conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray,
                                                const conemap_ray *right, const conemap_ray *below,
                                                conemap_gradient *gradient);
@@ -12568,6 +12568,12 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     return limb->flags;
 }
 
+/* The shell's thickness at the base of a segment whose radius there is its own; 0: the joint's. */
+static double conemap__base_thickness(const conemap_joint *base, float radius) {
+    double thickness = (double)base->thickness;
+    return radius > 0.0f && base->radius > 0.0f ? thickness * ((double)radius / (double)base->radius) : thickness;
+}
+
 /* A limb's axis, radii and upright planes from its joints; radius: its own at the base, 0: the joint's. */
 static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *top, float radius, float flat,
                               conemap__limb *limb) {
@@ -12581,8 +12587,7 @@ static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *to
     for (k = 0; k < 3; ++k) limb->y[k] /= limb->h;
     limb->r = radius > 0.0f ? (double)radius : (double)base->radius;
     limb->r_top = (double)top->radius;
-    limb->t = (double)base->thickness;
-    if (radius > 0.0f && base->radius > 0.0f) limb->t *= (double)radius / (double)base->radius;
+    limb->t = conemap__base_thickness(base, radius);
     limb->t_top = (double)top->thickness;
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
@@ -12716,7 +12721,8 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
             p[k] = (double)top->position[k];
             d[k] = p[k] - (double)base->position[k];
         }
-        widest = conemap__maxd(conemap__maxd((double)base->radius, (double)bone->radius) + (double)base->thickness,
+        widest = conemap__maxd((double)base->thickness, conemap__base_thickness(base, bone->radius));
+        widest = conemap__maxd(conemap__maxd((double)base->radius, (double)bone->radius) + widest,
                                (double)top->radius + (double)top->thickness);
         if (!(widest > 0.0)) return CONEMAP_ERROR_RADIUS;
         reach = conemap__maxd(widest, sqrt(conemap__dot3(p, p)));
@@ -15436,6 +15442,10 @@ CONEMAP__DEF conemap_result conemap_frame_normal(const conemap_frame *frame, flo
     return CONEMAP_OK;
 }
 
+CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
+    return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
+}
+
 /* Where a ray meets the plane z = level; 0 if it does not, ahead. */
 static int conemap__meet_plane(const conemap__basis *basis, const conemap_ray *world, float uv[2]) {
     conemap_ray box;
@@ -15454,6 +15464,7 @@ CONEMAP__DEF conemap_result conemap_gradient_at(const conemap_frame *frame, cons
                                                 conemap_gradient *gradient) {
     conemap__basis basis;
     conemap_result result;
+    conemap_gradient moved;
     float uv[3][2];
     if (!frame || !ray || !right || !below || !gradient) return CONEMAP_ERROR_NULL;
     result = conemap__resolve_frame(frame, 0.0f, NULL, 0, &basis);
@@ -15461,10 +15472,12 @@ CONEMAP__DEF conemap_result conemap_gradient_at(const conemap_frame *frame, cons
     if (!conemap__meet_plane(&basis, ray, uv[0]) || !conemap__meet_plane(&basis, right, uv[1]) ||
         !conemap__meet_plane(&basis, below, uv[2]))
         return CONEMAP_ERROR_PARAMETER;
-    gradient->dudx = uv[1][0] - uv[0][0];
-    gradient->dvdx = uv[1][1] - uv[0][1];
-    gradient->dudy = uv[2][0] - uv[0][0];
-    gradient->dvdy = uv[2][1] - uv[0][1];
+    moved.dudx = uv[1][0] - uv[0][0];
+    moved.dvdx = uv[1][1] - uv[0][1];
+    moved.dudy = uv[2][0] - uv[0][0];
+    moved.dvdy = uv[2][1] - uv[0][1];
+    if (!conemap__finite_gradient(&moved)) return CONEMAP_ERROR_PARAMETER;
+    *gradient = moved;
     return CONEMAP_OK;
 }
 
@@ -16100,10 +16113,6 @@ static void conemap__look_up(const conemap__scene *scene, float u, float v, int 
     ground->max_tan = 1.0f / least;
 }
 
-CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
-    return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
-}
-
 /* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At
    grazing angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
 CONEMAP__INLINE float conemap__footprint(const conemap_gradient *g, float aspect) {
@@ -16678,6 +16687,8 @@ static int conemap__over_shell_hole(const conemap_map *map, const conemap_effect
     v = conemap__clamp01(v);
     i = conemap__enter_cells((u + v * (double)f->twist) * (double)f->u_repeat, w, map->info.wrap_u, 0.0, w, &inside);
     j = conemap__enter_cells((double)f->v_start + v * (double)f->v_size, h, map->info.wrap_v, 0.0, h, &inside);
+    i = conemap__texel_index(i, w, map->info.wrap_u); /* the fraction of what is just below 0 is 1 */
+    j = conemap__texel_index(j, h, map->info.wrap_v);
     return (e->alpha + (ptrdiff_t)j * e->alpha_stride)[i] < e->alpha_cut;
 }
 
