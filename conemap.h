@@ -596,7 +596,7 @@ CONEMAP_API conemap_result conemap_get_format_numbers_at(const conemap_texture *
 /* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does; with
    per_cell the cell's own; with sectors the narrowest of them.
    On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
-   CONEMAP_NOTHING. Errors: NULL, POSITION. */
+   CONEMAP_NOTHING, to within float rounding: a hit's u and v will do. Errors: NULL, POSITION. */
 CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
 
 /* ======================================================================================================
@@ -971,8 +971,8 @@ CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *t
 
 /* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
    conemap_maxima_levels returns n + 1 (0: no map); level k has 2^(n - k) texels on a side. conemap_write_maxima writes
-   one level as f32, rows touching; blocks beyond the map hold 0. The map must have been built with keep_pyramid.
-   Errors: NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
+   one level as f32, rows touching; blocks beyond the map hold 0. size: bytes. The map must have been built with
+   keep_pyramid. Errors: NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
@@ -5647,16 +5647,19 @@ CONEMAP__INLINE conemap__mix conemap__sample_sectors(const conemap_map *map, con
     return mix;
 }
 
-/* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. */
+/* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. What is beyond its border
+   by rounding is on it: an outermost centre, or a hit on the map's side, need not be a float. */
 static int conemap__locate(float u, int size, conemap_wrap wrap, int *cell, float *place) {
+    const float hair = (float)size * (1.0f / 8388608.0f);
     float x;
     if (!conemap__finite(u)) return 0;
-    if (wrap == CONEMAP_WRAP)
-        u = (float)conemap__fraction((double)u);
-    else if (u < 0.0f || u > 1.0f)
-        return 0;
+    if (wrap == CONEMAP_WRAP) u = (float)conemap__fraction((double)u);
     x = u * (float)size - 0.5f;
-    if (wrap == CONEMAP_NOTHING && (x < 0.0f || x > (float)(size - 1))) return 0;
+    if (wrap != CONEMAP_WRAP) {
+        float low = wrap == CONEMAP_NOTHING ? 0.0f : -0.5f, high = (float)(size - 1) - low;
+        if (x < low - hair || x > high + hair) return 0;
+        x = conemap__min(conemap__max(x, low), high);
+    }
     *cell = conemap__floor(x);
     if (wrap == CONEMAP_NOTHING) *cell = conemap__mini(*cell, size - 2);
     *place = x - (float)*cell;
@@ -8744,8 +8747,7 @@ static const char conemap__fragment_text[] =
     "?glsl,located $IN_0in vec3 conemap_origin;\n"
     "?glsl,located $IN_1in vec3 conemap_direction;\n"
     "?glsl,!located in vec3 conemap_origin, conemap_direction;\n"
-    "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
-    "?glsl,!located out vec4 conemap_color;\n"
+    "?glsl layout(location = 0) out vec4 conemap_color;\n"
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
@@ -9709,8 +9711,7 @@ static const char conemap__kernel_main[] =
     "?given,argued };\n"
     "?wgsl,argued $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
     "?msl,argued conemap_arguments conemap_given;\n"
-    "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
-    "?fragment,glsl,!located out vec4 conemap_color;\n"
+    "?fragment,glsl layout(location = 0) out vec4 conemap_color;\n"
     "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
     "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
     "?compute,wgsl $OUT_LAYOUTvar conemap_out: texture_storage_2d<$OUT_FORMAT, write>;\n"
