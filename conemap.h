@@ -26,7 +26,8 @@
        conemap_write_texture(&map, upload, upload_size, row_pitch);
        conemap_free(&map);
 
-   Link with -lm where sqrtf needs it.
+   Link with -lm where sqrtf needs it. The implementation includes math.h and string.h, and stdlib.h unless
+   CONEMAP_MALLOC is defined.
 
    CONTENTS (search for the banner)
        C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
@@ -105,7 +106,8 @@ extern "C" {
 
    The box. A map of W x H texels spans the unit square; texel (i, j) has its centre at u = (i + 0.5) / W,
    v = (j + 0.5) / H. Heights are 0..1. Rays live in that unit box, so how deep the relief looks belongs to
-   the ray (scale its z), never to the map, and can change every frame without a rebuild.
+   the ray (scale its z), never to the map, and can change every frame without a rebuild. Rays of a world go there
+   and back by a frame: conemap_frame_ray, conemap_frame_point, conemap_frame_normal.
 
    The surface is the bilinear interpolation of the texel centres. The square between four centres is a
    bilinear cell. The relief is solid down to z = 0, where the box ends: a point at or below the surface is
@@ -806,7 +808,13 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
 
    and with more options more arguments, in this order: t_min, t_max (t_range); max_steps (run_time_cap); rect (atlas);
    size (a host's fetch without fixed_size); slice (array). A comment at the top of the text says what they are and
-   which textures it reads.
+   which textures it reads. Inside whole shaders it may answer with (u, v, z, t) alone.
+
+   Whole shaders. The entry point is main, in WGSL and MSL conemap_main. FRAGMENT gets per vertex conemap_origin and
+   conemap_direction (HLSL: TEXCOORD0, 1; others: locations 0, 1, or these names where there are none), and both stages
+   the arguments as uniforms: conemap_range (t_min, t_max), conemap_max_steps, conemap_rect, conemap_map_size,
+   conemap_slice, as far as there are any, in this order (Vulkan: push constants; HLSL: cbuffer b at `binding`). In
+   COMPUTE t_min and t_max are the rays' own.
 
    Which guarantee holds. Shaders compute in single precision, and hardware filtering on most GPUs has 8-bit weights, so
    that a filtered height is off by up to 2^-9 of the difference between neighbours.
@@ -1031,9 +1039,10 @@ typedef struct conemap_gpu_pass {
    set, sampler_binding, heights_name (default prefix_heights), map_name (the state read; default prefix_state),
    maxima_name, precision, fetch and, for the state, fetch_cones, both `float NAME(int i, int j)`, and fetch_maxima;
    other fields are ignored. Bindings follow each other in the order state, heights, maxima, as far as there are any,
-   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last, level,
-   sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
-   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS are
+   and but for HLSL what is written. Arguments are uniforms, in Vulkan and HLSL in a block in the order first, last,
+   level, sector, as far as there are any. Sectors: not QUICK and relaxed ones, as on the CPU; fetch_cones is then
+   `float NAME(int i, int j, int sector)`, and all functions of the state get `int sector` before the size. FUNCTIONS
+   are
        float conemap_ring(int i, int j, int first, int last[, ivec2 size])
        float conemap_steepest(int i, int j[, ivec2 size])
        float conemap_safe(int i, int j[, ivec2 size])
@@ -1109,8 +1118,8 @@ typedef struct conemap_segment {
     int parent;             /* the segment whose top joint is this one's base; below 0: none, a root */
     int u_repeat;           /* how often the map goes around; 0: 1. Up to 4096. Equal along a chain, or u jumps */
     float twist;            /* turns of the texture from base to top. -1024..1024 */
-    float radius;           /* at the base, for a branch thinner than its joint; 0: the joint's. The thickness shrinks
-                               as the radius does */
+    float radius;           /* at the base, for a branch thinner than its joint; 0: the joint's. The thickness there
+                               changes in the same proportion, unless the joint is a point */
     float v_size;           /* of the map along the segment; 0: see v_per_length of the desc */
     int user;               /* handed through to conemap_frustum: a material */
     float flat;             /* an elliptical cross-section: its smaller radius and thickness, as a share of the joints',
