@@ -26,7 +26,8 @@
        conemap_write_texture(&map, upload, upload_size, row_pitch);
        conemap_free(&map);
 
-   Link with -lm where sqrtf needs it.
+   Link with -lm where sqrtf needs it. The implementation includes math.h and string.h, and stdlib.h unless
+   CONEMAP_MALLOC is defined.
 
    CONTENTS (search for the banner; ---- begins a part of a section)
        C O N V E N T I O N S       axes, units, what a cone is, what lies outside the map, what is promised
@@ -109,7 +110,8 @@ extern "C" {
 
    The box. A map of W x H texels spans the unit square; texel (i, j) has its centre at u = (i + 0.5) / W,
    v = (j + 0.5) / H. Heights are 0..1. Rays live in that unit box, so how deep the relief looks belongs to
-   the ray (scale its z), never to the map, and can change every frame without a rebuild.
+   the ray (scale its z), never to the map, and can change every frame without a rebuild. Rays of a world go there
+   and back by a frame: conemap_frame_ray, conemap_frame_point, conemap_frame_normal.
 
    The surface is the bilinear interpolation of the texel centres. The square between four centres is a
    bilinear cell. The relief is solid down to z = 0, where the box ends: a point at or below the surface is
@@ -316,7 +318,7 @@ typedef struct conemap_desc {
     conemap_heights heights;
     conemap_wrap wrap_u, wrap_v;
     float aspect;           /* metres per v over metres per u; 0: 1. 2^-15..2^15 */
-    float max_tan;          /* widest cone; 0: 1, as the papers. Up to CONEMAP_TAN_LIMIT */
+    float max_tan;          /* widest cone; 0: 1, as the papers. 2^-16..CONEMAP_TAN_LIMIT */
     conemap_texture texture;
 
     conemap_generator generator;
@@ -523,9 +525,8 @@ CONEMAP_API const char *conemap_isa_name(conemap_isa isa);
        conemap_end(&map);
    desc->heights.pixels must stay readable until the first pass is done. The bits do not depend on the split.
    Run each job exactly once. conemap_run_job is thread-safe for different jobs; it reports its own error, and
-   conemap_end reports that of
-   the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error conemap_end (and
-   conemap_begin) frees the map. To give up early, call conemap_free. */
+   conemap_end reports that of the first failed job, or CONEMAP_ERROR_ORDER if a job was never run. On any error
+   conemap_end (and conemap_begin) frees the map. To give up early, call conemap_free. */
 CONEMAP_API conemap_result conemap_begin(const conemap_desc *desc, conemap_map *map);
 CONEMAP_API int conemap_pass_count(const conemap_map *map);
 CONEMAP_API int conemap_job_count(const conemap_map *map, int pass);
@@ -601,7 +602,7 @@ CONEMAP_API conemap_result conemap_get_format_numbers_at(const conemap_texture *
 /* Height, cone and slope at (u, v), bilinear; cones are interpolated as stored, then decoded, as a shader does; with
    per_cell the cell's own; with sectors the narrowest of them.
    On wrapping axes any finite coordinate is right; on others 0..1, or between the outermost centres with
-   CONEMAP_NOTHING. Errors: NULL, POSITION. */
+   CONEMAP_NOTHING, to within float rounding: a hit's u and v will do. Errors: NULL, POSITION. */
 CONEMAP_API conemap_result conemap_sample_at(const conemap_map *map, float u, float v, conemap_sample *sample);
 
 /* ======================================================================================================
@@ -636,7 +637,8 @@ typedef struct conemap_report {
    Takes 1 to 10 us a cell on safe maps, more on unsafe ones; cones that follow long even slopes to the last bit
    take the longest and may stay unproven. Where many cells do, less work is put into each of the others.
    Errors: NULL, SIZE, ENUM, PARAMETER (aspect or max_tan as in a desc, but not 0; a cone NaN, infinite or negative),
-   HEIGHT, OVERFLOW, MEMORY, ALIGNMENT; the report is then zeroed. Thread-safe; cannot be cancelled. */
+   HEIGHT, OVERFLOW, UNSUPPORTED (sectors with CONEMAP_DUMMER), MEMORY, ALIGNMENT; the report is then zeroed.
+   Thread-safe; cannot be cancelled. */
 CONEMAP_API conemap_result conemap_verify(const conemap_info *info, const float *heights, const float *cones,
                                           const conemap_allocator *allocator, conemap_report *report);
 
@@ -810,7 +812,13 @@ CONEMAP_API conemap_result conemap_trace_arrays(const conemap_prepared *prepared
 
    and with more options more arguments, in this order: t_min, t_max (t_range); max_steps (run_time_cap); rect (atlas);
    size (a host's fetch without fixed_size); slice (array). A comment at the top of the text says what they are and
-   which textures it reads.
+   which textures it reads. Inside whole shaders it may answer with (u, v, z, t) alone.
+
+   Whole shaders. The entry point is main, in WGSL and MSL conemap_main. FRAGMENT gets per vertex conemap_origin and
+   conemap_direction (HLSL: TEXCOORD0, 1; others: locations 0, 1, or these names where there are none), and both stages
+   the arguments as uniforms: conemap_range (t_min, t_max), conemap_max_steps, conemap_rect, conemap_map_size,
+   conemap_slice, as far as there are any, in this order (Vulkan: push constants; HLSL: cbuffer b at `binding`). In
+   COMPUTE t_min and t_max are the rays' own.
 
    Which guarantee holds. Shaders compute in single precision, and hardware filtering on most GPUs has 8-bit weights, so
    that a filtered height is off by up to 2^-9 of the difference between neighbours.
@@ -975,8 +983,8 @@ CONEMAP_API conemap_result conemap_emit(const conemap_shader_desc *desc, char *t
 
 /* The texture that MAXMIP and QDM read: maxima over bilinear cells, a square of 2^n texels, n levels below it.
    conemap_maxima_levels returns n + 1 (0: no map); level k has 2^(n - k) texels on a side. conemap_write_maxima writes
-   one level as f32, rows touching; blocks beyond the map hold 0. The map must have been built with keep_pyramid.
-   Errors: NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
+   one level as f32, rows touching; blocks beyond the map hold 0. size: bytes. The map must have been built with
+   keep_pyramid. Errors: NULL, NO_PYRAMID, PARAMETER (level), BUFFER. */
 CONEMAP_API int conemap_maxima_levels(const conemap_map *map);
 CONEMAP_API conemap_result conemap_write_maxima(const conemap_map *map, int level, float *values, size_t size);
 
@@ -1114,8 +1122,8 @@ typedef struct conemap_segment {
     int parent;             /* the segment whose top joint is this one's base; below 0: none, a root */
     int u_repeat;           /* how often the map goes around; 0: 1. Up to 4096. Equal along a chain, or u jumps */
     float twist;            /* turns of the texture from base to top. -1024..1024 */
-    float radius;           /* at the base, for a branch thinner than its joint; 0: the joint's. The thickness shrinks
-                               as the radius does */
+    float radius;           /* at the base, for a branch thinner than its joint; 0: the joint's. The thickness there
+                               changes in the same proportion, unless the joint is a point */
     float v_size;           /* of the map along the segment; 0: see v_per_length of the desc */
     int user;               /* handed through to conemap_frustum: a material */
     float flat;             /* an elliptical cross-section: its smaller radius and thickness, as a share of the joints',
@@ -1485,7 +1493,7 @@ typedef struct conemap_gradient {
 
 /* The same on the CPU: from a pixel's ray and those through its neighbours to the right and below, where they meet
    the base surface's tangent plane. Errors: NULL, PARAMETER (also where a ray is parallel to the plane or points
-   away). */
+   away, or nothing finite). */
 CONEMAP_API conemap_result conemap_gradient_at(const conemap_frame *frame, const conemap_ray *ray,
                                                const conemap_ray *right, const conemap_ray *below,
                                                conemap_gradient *gradient);
@@ -5635,16 +5643,19 @@ CONEMAP__INLINE conemap__mix conemap__sample_sectors(const conemap_map *map, con
     return mix;
 }
 
-/* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. */
+/* Turns a coordinate into a cell and a place in it; 0 where the surface does not reach. What is beyond its border
+   by rounding is on it: an outermost centre, or a hit on the map's side, need not be a float. */
 static int conemap__locate(float u, int size, conemap_wrap wrap, int *cell, float *place) {
+    const float hair = (float)size * (1.0f / 8388608.0f);
     float x;
     if (!conemap__finite(u)) return 0;
-    if (wrap == CONEMAP_WRAP)
-        u = (float)conemap__fraction((double)u);
-    else if (u < 0.0f || u > 1.0f)
-        return 0;
+    if (wrap == CONEMAP_WRAP) u = (float)conemap__fraction((double)u);
     x = u * (float)size - 0.5f;
-    if (wrap == CONEMAP_NOTHING && (x < 0.0f || x > (float)(size - 1))) return 0;
+    if (wrap != CONEMAP_WRAP) {
+        float low = wrap == CONEMAP_NOTHING ? 0.0f : -0.5f, high = (float)(size - 1) - low;
+        if (x < low - hair || x > high + hair) return 0;
+        x = conemap__min(conemap__max(x, low), high);
+    }
     *cell = conemap__floor(x);
     if (wrap == CONEMAP_NOTHING) *cell = conemap__mini(*cell, size - 2);
     *place = x - (float)*cell;
@@ -8732,8 +8743,7 @@ static const char conemap__fragment_text[] =
     "?glsl,located $IN_0in vec3 conemap_origin;\n"
     "?glsl,located $IN_1in vec3 conemap_direction;\n"
     "?glsl,!located in vec3 conemap_origin, conemap_direction;\n"
-    "?glsl,located layout(location = 0) out vec4 conemap_color;\n"
-    "?glsl,!located out vec4 conemap_color;\n"
+    "?glsl layout(location = 0) out vec4 conemap_color;\n"
     "?glsl,debug layout(location = 1) out vec4 conemap_debug; // steps, status\n"
     "?vulkan,arguments layout(push_constant) uniform conemap_arguments {\n"
     "?hlsl,arguments cbuffer conemap_arguments : register(b$BINDING) {\n"
@@ -9697,8 +9707,7 @@ static const char conemap__kernel_main[] =
     "?given,argued };\n"
     "?wgsl,argued $GIVEN_LAYOUTvar<uniform> conemap_given: conemap_arguments;\n"
     "?msl,argued conemap_arguments conemap_given;\n"
-    "?fragment,glsl,located layout(location = 0) out vec4 conemap_color;\n"
-    "?fragment,glsl,!located out vec4 conemap_color;\n"
+    "?fragment,glsl layout(location = 0) out vec4 conemap_color;\n"
     "?compute,glsl layout(local_size_x = 8, local_size_y = 8) in;\n"
     "?compute,glsl layout($OUT_FORMAT$OUT_LAYOUT) writeonly uniform highp image2D conemap_out;\n"
     "?compute,wgsl $OUT_LAYOUTvar conemap_out: texture_storage_2d<$OUT_FORMAT, write>;\n"
@@ -12554,6 +12563,12 @@ static int conemap__settle(conemap_skeleton *skeleton, conemap__limb *limb) {
     return limb->flags;
 }
 
+/* The shell's thickness at the base of a segment whose radius there is its own; 0: the joint's. */
+static double conemap__base_thickness(const conemap_joint *base, float radius) {
+    double thickness = (double)base->thickness;
+    return radius > 0.0f && base->radius > 0.0f ? thickness * ((double)radius / (double)base->radius) : thickness;
+}
+
 /* A limb's axis, radii and upright planes from its joints; radius: its own at the base, 0: the joint's. */
 static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *top, float radius, float flat,
                               conemap__limb *limb) {
@@ -12567,8 +12582,7 @@ static void conemap__lay_limb(const conemap_joint *base, const conemap_joint *to
     for (k = 0; k < 3; ++k) limb->y[k] /= limb->h;
     limb->r = radius > 0.0f ? (double)radius : (double)base->radius;
     limb->r_top = (double)top->radius;
-    limb->t = (double)base->thickness;
-    if (radius > 0.0f && base->radius > 0.0f) limb->t *= (double)radius / (double)base->radius;
+    limb->t = conemap__base_thickness(base, radius);
     limb->t_top = (double)top->thickness;
     limb->k = (limb->r_top - limb->r) / limb->h;
     limb->upper[2] = limb->h;
@@ -12702,7 +12716,8 @@ static conemap_result conemap__check_joints(const conemap_skeleton *skeleton, co
             p[k] = (double)top->position[k];
             d[k] = p[k] - (double)base->position[k];
         }
-        widest = conemap__maxd(conemap__maxd((double)base->radius, (double)bone->radius) + (double)base->thickness,
+        widest = conemap__maxd((double)base->thickness, conemap__base_thickness(base, bone->radius));
+        widest = conemap__maxd(conemap__maxd((double)base->radius, (double)bone->radius) + widest,
                                (double)top->radius + (double)top->thickness);
         if (!(widest > 0.0)) return CONEMAP_ERROR_RADIUS;
         reach = conemap__maxd(widest, sqrt(conemap__dot3(p, p)));
@@ -15422,6 +15437,10 @@ CONEMAP__DEF conemap_result conemap_frame_normal(const conemap_frame *frame, flo
     return CONEMAP_OK;
 }
 
+CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
+    return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
+}
+
 /* Where a ray meets the plane z = level; 0 if it does not, ahead. */
 static int conemap__meet_plane(const conemap__basis *basis, const conemap_ray *world, float uv[2]) {
     conemap_ray box;
@@ -15440,6 +15459,7 @@ CONEMAP__DEF conemap_result conemap_gradient_at(const conemap_frame *frame, cons
                                                 conemap_gradient *gradient) {
     conemap__basis basis;
     conemap_result result;
+    conemap_gradient moved;
     float uv[3][2];
     if (!frame || !ray || !right || !below || !gradient) return CONEMAP_ERROR_NULL;
     result = conemap__resolve_frame(frame, 0.0f, NULL, 0, &basis);
@@ -15447,10 +15467,12 @@ CONEMAP__DEF conemap_result conemap_gradient_at(const conemap_frame *frame, cons
     if (!conemap__meet_plane(&basis, ray, uv[0]) || !conemap__meet_plane(&basis, right, uv[1]) ||
         !conemap__meet_plane(&basis, below, uv[2]))
         return CONEMAP_ERROR_PARAMETER;
-    gradient->dudx = uv[1][0] - uv[0][0];
-    gradient->dvdx = uv[1][1] - uv[0][1];
-    gradient->dudy = uv[2][0] - uv[0][0];
-    gradient->dvdy = uv[2][1] - uv[0][1];
+    moved.dudx = uv[1][0] - uv[0][0];
+    moved.dvdx = uv[1][1] - uv[0][1];
+    moved.dudy = uv[2][0] - uv[0][0];
+    moved.dvdy = uv[2][1] - uv[0][1];
+    if (!conemap__finite_gradient(&moved)) return CONEMAP_ERROR_PARAMETER;
+    *gradient = moved;
     return CONEMAP_OK;
 }
 
@@ -16086,10 +16108,6 @@ static void conemap__look_up(const conemap__scene *scene, float u, float v, int 
     ground->max_tan = 1.0f / least;
 }
 
-CONEMAP__INLINE int conemap__finite_gradient(const conemap_gradient *g) {
-    return conemap__finite(g->dudx) && conemap__finite(g->dvdx) && conemap__finite(g->dudy) && conemap__finite(g->dvdy);
-}
-
 /* The width of a pixel's footprint in map widths, v measured as the map measures it: its area over its length. At
    grazing angles the footprint is long, but relief stands upright and is as many pixels high as ever. */
 CONEMAP__INLINE float conemap__footprint(const conemap_gradient *g, float aspect) {
@@ -16664,6 +16682,8 @@ static int conemap__over_shell_hole(const conemap_map *map, const conemap_effect
     v = conemap__clamp01(v);
     i = conemap__enter_cells((u + v * (double)f->twist) * (double)f->u_repeat, w, map->info.wrap_u, 0.0, w, &inside);
     j = conemap__enter_cells((double)f->v_start + v * (double)f->v_size, h, map->info.wrap_v, 0.0, h, &inside);
+    i = conemap__texel_index(i, w, map->info.wrap_u); /* the fraction of what is just below 0 is 1 */
+    j = conemap__texel_index(j, h, map->info.wrap_v);
     return (e->alpha + (ptrdiff_t)j * e->alpha_stride)[i] < e->alpha_cut;
 }
 

@@ -1530,7 +1530,7 @@ static void bad_input(void)
     unsigned char alpha[64];
     conemap_gradient gradient = {0.1f, 0.0f, 0.0f, 0.1f};
     conemap_ray ray = {{0.5f, 0.5f, 1.0f}, {0.1f, 0.0f, -1.0f}, 0.0f, 0.0f};
-    conemap_ray flat = {{0.5f, 0.5f, 1.0f}, {0.1f, 0.0f, 0.0f}, 0.0f, 0.0f};
+    conemap_ray flat = {{0.5f, 0.5f, 1.0f}, {0.1f, 0.0f, 0.0f}, 0.0f, 0.0f}, away;
     conemap_hit hit;
     conemap_shading shading;
     conemap_frame f;
@@ -1656,7 +1656,11 @@ static void bad_input(void)
               conemap_frame_normal(&f, 0, 0, slope, NULL) == CONEMAP_ERROR_NULL &&
               conemap_frame_normal(&f, nan, 0, slope, point) == CONEMAP_ERROR_PARAMETER,
           "frame_normal");
+    away = ray; /* it meets the plane where no float is */
+    away.origin[0] = 3e38f;
+    away.direction[0] = 3e38f;
     CHECK(conemap_gradient_at(&f, &ray, &flat, &ray, &gradient) == CONEMAP_ERROR_PARAMETER &&
+              conemap_gradient_at(&f, &ray, &ray, &away, &gradient) == CONEMAP_ERROR_PARAMETER &&
               conemap_gradient_at(NULL, &ray, &ray, &ray, &gradient) == CONEMAP_ERROR_NULL &&
               conemap_gradient_at(&f, &ray, &ray, &ray, NULL) == CONEMAP_ERROR_NULL,
           "gradient_at");

@@ -863,6 +863,7 @@ static void check_text(const char *what, char *text, int functions)
         CHECK(depth >= 0 && round >= 0, "%s: closes too much", what);
     }
     CHECK(depth == 0 && round == 0, "%s: %d braces, %d brackets open", what, depth, round);
+    CHECK(!strstr(text, "\nout "), "%s: an output without a location, of which ES 3.0 allows no two", what);
     for (k = 0; k < (int)(sizeof types / sizeof types[0]); ++k) {
         const size_t length = strlen(types[k]);
         for (at = strstr(text, types[k]); at; at = strstr(at + 1, types[k])) {

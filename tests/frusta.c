@@ -2131,6 +2131,8 @@ static void bad_skeletons(void)
            CONEMAP_ERROR_RADIUS);
     EXPECT((chain.joints[2].radius = chain.joints[3].radius = 0), CONEMAP_OK);
     EXPECT(chain.joints[3] = chain.joints[2], CONEMAP_ERROR_LENGTH);
+    EXPECT((chain.joints[2].radius = 1e-30f, chain.segments[2].radius = 1e10f), CONEMAP_ERROR_LENGTH);
+    EXPECT((chain.joints[2].radius = 1e-30f, chain.segments[2].radius = 0.1f), CONEMAP_ERROR_LENGTH); /* the shell */
     EXPECT(chain.segments[2].base = -1, CONEMAP_ERROR_JOINT);
     EXPECT(chain.segments[3].top = 5, CONEMAP_ERROR_JOINT);
     EXPECT(chain.segments[2].parent = 4, CONEMAP_ERROR_PARENT);

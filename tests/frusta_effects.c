@@ -528,8 +528,37 @@ static void holes(void)
     conemap_skeleton_free(&posts.skeleton);
 }
 
+/* A shell of nothing but holes whose v lies a hair below 0: no texel beyond the map's is read, which are not holes. */
+static void holes_below_zero(void)
+{
+    static unsigned char alpha[(SIDE + 1) * SIDE];
+    const float from[3] = {0.3f, 2, -9}, to[3] = {0.2f, 2, 0};
+    conemap_ray ray = ray_to(from, to);
+    conemap_skeleton_trace_desc trace;
+    conemap_skeleton_hit hit;
+    conemap_shading s;
+    conemap_effects e;
+    conemap_map map;
+    struct posts posts;
+    memset(&trace, 0, sizeof trace);
+    memset(&e, 0, sizeof e);
+    memset(alpha + SIDE * SIDE, 255, SIDE);
+    e.flags = CONEMAP_EFFECT_HOLES;
+    e.alpha = alpha;
+    trace.map = &map;
+    if (!make_map(0, &map)) return;
+    if (make_posts(&posts, 1, 0.0f, 1.0f, 0.5f)) {
+        posts.skeleton.build.frusta[0].v_size = -1e-20f;
+        CHECK(conemap_skeleton_shade(&posts.skeleton, &trace, &e, 0, &ray, &hit, &s, 1) == CONEMAP_OK, "shade");
+        CHECK(hit.status == CONEMAP_LEFT, "status %d", (int)hit.status);
+        conemap_skeleton_free(&posts.skeleton);
+    }
+    conemap_free(&map);
+}
+
 const struct test_case frusta_effects_tests[] = {
     {"bad input", bad_input}, {"light and sky", light_and_sky}, {"relief shadows", relief_shadows},
     {"distance", distance},   {"footprints", footprints},       {"holes", holes},
+    {"holes below zero", holes_below_zero},
     {NULL, NULL},
 };

@@ -181,9 +181,65 @@ static void positions(void)
     }
 }
 
+/* What lies on the border lies there as a float, too: the outermost centres, and hits on the map's sides. */
+static void borders(void)
+{
+    static float heights[512];
+    struct zoo_random random = zoo_seed(4);
+    conemap_desc desc;
+    conemap_map map;
+    conemap_sample s;
+    int width, k, wrap, sides = 0;
+    for (k = 0; k < 512; ++k) heights[k] = zoo_unit(&random);
+    memset(&desc, 0, sizeof desc);
+    desc.heights.pixels = heights;
+    desc.heights.height = 1;
+    desc.generator = CONEMAP_HEIGHTS;
+    desc.wrap_u = CONEMAP_NOTHING;
+    for (width = 2; width <= 512; ++width) {
+        const float w = (float)width, at[4] = {0.5f / w, (w - 0.5f) / w, 1.0f - 0.5f / w, 0.5f * (1.0f / w)};
+        desc.heights.width = width;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        for (k = 0; k < 4; ++k) {
+            float centre = heights[k == 1 || k == 2 ? width - 1 : 0], slope[2];
+            if (CHECK(conemap_sample_at(&map, at[k], 0.5f, &s) == CONEMAP_OK, "width %d, u %.9g", width, (double)at[k]))
+                CHECK(fabsf(s.height - centre) <= 4e-7f * w, "width %d: %g, not %g", width, (double)s.height,
+                      (double)centre);
+            CHECK(conemap_smooth_slope(&map, at[k], 0.5f, slope) == CONEMAP_OK, "width %d, slope", width);
+        }
+        CHECK(conemap_sample_at(&map, at[0] - 1e-6f, 0.5f, &s) == CONEMAP_ERROR_POSITION, "width %d: before", width);
+        CHECK(conemap_sample_at(&map, at[1] + 1e-6f, 0.5f, &s) == CONEMAP_ERROR_POSITION, "width %d: behind", width);
+        conemap_free(&map);
+    }
+    desc.heights.width = 20;
+    desc.heights.height = 25;
+    for (wrap = CONEMAP_CLAMP; wrap <= CONEMAP_NOTHING; wrap += CONEMAP_NOTHING - CONEMAP_CLAMP) {
+        desc.wrap_u = desc.wrap_v = (conemap_wrap)wrap;
+        REQUIRE(conemap_build(&desc, &map) == CONEMAP_OK, "build");
+        for (k = 0; k < 1000; ++k) {
+            conemap_ray ray = {{0, 0, 0}, {0, 0, 0}, 0, 0};
+            conemap_hit hit;
+            ray.origin[0] = zoo_between(&random, -0.5f, 1.5f);
+            ray.origin[1] = zoo_between(&random, -0.5f, 1.5f);
+            ray.origin[2] = zoo_unit(&random);
+            ray.direction[0] = zoo_unit(&random) - ray.origin[0];
+            ray.direction[1] = zoo_unit(&random) - ray.origin[1];
+            ray.direction[2] = -ray.origin[2];
+            REQUIRE(conemap_trace(&map, NULL, &ray, &hit, 1) == CONEMAP_OK, "trace");
+            if (hit.status != CONEMAP_HIT) continue;
+            CHECK(conemap_sample_at(&map, hit.u, hit.v, &s) == CONEMAP_OK, "a hit at %.9g, %.9g", (double)hit.u,
+                  (double)hit.v);
+            sides += hit.inside;
+        }
+        conemap_free(&map);
+    }
+    CHECK(sides > 300, "%d hits on sides", sides);
+}
+
 const struct test_case samples_tests[] = {
     {"random points against double precision", random_points},
     {"texel centres to the bit", centres},
     {"positions", positions},
+    {"borders", borders},
     {NULL, NULL},
 };

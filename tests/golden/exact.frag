@@ -52,7 +52,7 @@ vec4 conemap_trace(vec3 origin, vec3 direction) {
 }
 
 in vec3 conemap_origin, conemap_direction;
-out vec4 conemap_color;
+layout(location = 0) out vec4 conemap_color;
 void main() {
     conemap_color = conemap_trace(conemap_origin, conemap_direction);
     if (conemap_color.w < 0.0) discard;
