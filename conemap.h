@@ -1462,7 +1462,8 @@ typedef struct conemap_frame {
     float origin[3];        /* where the base surface has uv_offset */
     float tangent[3], bitangent[3], normal[3]; /* world per x, y and height; all nine 0: the world's axes */
     float uv_offset[2];
-    float uv_scale[2];      /* map widths per unit of x, and of y; 0: 1 */
+    float uv_scale[2];      /* map widths per unit of x, and of y; 0: 1. Neither u, v and z per unit of the world nor the
+                               inverse may be over 1e18 */
     float aspect;           /* metres per v over metres per u, as the map's; 0: 1. 2^-15..2^15 */
     float depth;            /* how high z = 1 stands over z = 0, in normals; 0: 1. Above 0 */
     float level;            /* 0..1: the z at which the surface lies: 0 relief rises from it, 1 it sinks below it */
@@ -1627,7 +1628,7 @@ CONEMAP_API conemap_result conemap_lod_at(const conemap_map *map, const conemap_
 /* Bakes how much of the sky each texel's centre sees, 0..1, cosine-weighted about its smooth normal: by horizons
    that are exact in each of `directions` azimuths (0: 64; up to 1024). frame: of it only the vectors' lengths and
    angles, uv_scale, depth and aspect count; null: the unit box. sky: width * height floats, row 0 first. Each
-   horizon takes 5 to 8 traces' time.
+   horizon takes 5 to 8 traces' time, and many times that on wrapping maps whose relief is steeper than 10^4.
    Rows first_row .. first_row + rows - 1 are written (at their place), for a host's jobs; rows 0: all.
    Errors: NULL, PARAMETER. Thread-safe. */
 CONEMAP_API conemap_result conemap_bake_sky(const conemap_map *map, const conemap_frame *frame, int directions,
@@ -15338,9 +15339,10 @@ static conemap_result conemap__resolve_frame(const conemap_frame *frame, float f
         basis->bend[2] = frame->curvature[2] / (scale_v * scale_v * depth);
     }
     for (k = 0; k < 3; ++k)
-        if (!conemap__all_finite(basis->axis[k], 3) || !conemap__all_finite(basis->inverse[k], 3) ||
-            !conemap__finite(basis->bend[k]))
-            return CONEMAP_ERROR_PARAMETER;
+        for (c = 0; c < 3; ++c) /* so that squares of them are numbers too */
+            if (!(conemap__magnitude(basis->axis[k][c]) <= 1e18f) ||
+                !(conemap__magnitude(basis->inverse[k][c]) <= 1e18f) || !conemap__finite(basis->bend[k]))
+                return CONEMAP_ERROR_PARAMETER;
     return CONEMAP_OK;
 }
 

@@ -1603,6 +1603,8 @@ static void bad_input(void)
     BAD(f.level = 1.1f, CONEMAP_ERROR_PARAMETER);
     BAD(f.aspect = -1.0f, CONEMAP_ERROR_PARAMETER);
     BAD(f.uv_scale[0] = inf, CONEMAP_ERROR_PARAMETER);
+    BAD(f.uv_scale[1] = 3e38f, CONEMAP_ERROR_PARAMETER);
+    BAD(f.uv_scale[1] = 1e-20f, CONEMAP_ERROR_PARAMETER);
     BAD(f.uv_offset[1] = nan, CONEMAP_ERROR_PARAMETER);
     BAD(f.curvature[0] = 1.0f, CONEMAP_ERROR_PARAMETER); /* times depth 1: folds */
     BAD((f.curvature[1] = 0.6f, f.curvature[2] = -0.6f), CONEMAP_ERROR_PARAMETER);

@@ -62,6 +62,9 @@ glsl)
         (cd "$dir/$dialect" && ls | xargs -n 200 glslangValidator) >"$dir/$dialect.log" 2>&1 || failed=1
         if grep -E 'ERROR|WARNING' "$dir/$dialect.log"; then failed=1; fi
     done
+    # whole shaders linked, each by itself: that outputs lack places is told only then
+    (cd "$dir/es300" && ls | grep fragment | xargs -r -n 1 glslangValidator -l) >"$dir/linked.log" 2>&1 || failed=1
+    if grep -E 'ERROR|WARNING' "$dir/linked.log"; then failed=1; fi
     write vulkan
     if command -v glslc >/dev/null; then # the same compiler, but many files a call, each by itself
         (cd "$dir/vulkan" && ls | xargs -n 100 glslc -Werror --target-env=vulkan1.0 -c) >"$dir/vulkan.log" 2>&1 || failed=1
