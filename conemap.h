@@ -2315,7 +2315,7 @@ typedef struct conemap__offsets {
 #define CONEMAP__FINEST 32 /* pieces of a side */
 typedef struct conemap__sights {
     int step_x, step_y;      /* from a corner to the next; 0 along an axis of one texel */
-    int reach;               /* columns to either side that are looked at */
+    int reach_u, reach_v;    /* columns and rows to either side that are looked at */
     float limit;             /* squared distance of what is near */
     float per_u, per_v;      /* 1 / texel size; 0 along an axis of one texel */
     float vertex[CONEMAP__SIGHT_REACH + 1][CONEMAP__SIGHT_REACH + 1]; /* that stand so many rows and columns away */
@@ -3824,7 +3824,8 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
     sights->limit = limit;
     sights->step_x = info->width > 1;
     sights->step_y = info->height > 1;
-    sights->reach = reach_u + 1;
+    sights->reach_u = reach_u + 1;
+    sights->reach_v = reach_v + 1;
     sights->per_u = a > 0.0f ? 1.0f / a : 0.0f;
     sights->per_v = b > 0.0f ? 1.0f / b : 0.0f;
     for (k = 0; k <= CONEMAP__FINEST; ++k) sights->fraction[k] = (float)k / (float)CONEMAP__FINEST;
@@ -3844,7 +3845,7 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
 /* Those cells one by one: in a sector, those that a vertex sees (sign 1) or that see the vertex (-1); the diagonal's
    are in both octants. */
 static void conemap__list_sights(const conemap__band *band, int sign, conemap__sights *sights) {
-    int reach_u = sights->reach, reach_v = CONEMAP__SIGHT_REACH, step_x = sights->step_x, step_y = sights->step_y;
+    int reach_u = sights->reach_u, reach_v = sights->reach_v, step_x = sights->step_x, step_y = sights->step_y;
     int su = sign * band->sector.su, sv = sign * band->sector.sv, x, y, c, n = 0;
     for (y = -reach_v; y < reach_v; ++y)
         for (x = -reach_u; x < reach_u; ++x) {
@@ -17441,34 +17442,57 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F la
     return CONEMAP__PICK(inside, CONEMAP__ADD(foot, CONEMAP__MUL(rise, rise)), CONEMAP__MAX(foot, end));
 }
 
-/* The steepest of the points where a side is cut, `seen` or more, by step 4's numbers: its ends rise `foot` and `end`
-   above the eye that it faces. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(between)(const conemap__sights *sights, int axis, int away, CONEMAP__F foot,
-                                                    CONEMAP__F end, CONEMAP__F seen) {
-    const float *numbers = sights->side[axis][away];
-    int k, step = sights->cut[axis][away];
-    end = CONEMAP__SUB(end, foot);
-    for (k = step; k < CONEMAP__FINEST; k += step) {
-        CONEMAP__F rise = CONEMAP__ADD(foot, CONEMAP__MUL(end, CONEMAP__F1(sights->fraction[k])));
-        seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise, CONEMAP__F1(numbers[k])));
-    }
-    return seen;
+/* Between two corners, where a side is cut. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(between)(const conemap__sights *sights, int k, CONEMAP__F one,
+                                                    CONEMAP__F other) {
+    return CONEMAP__ADD(one, CONEMAP__MUL(CONEMAP__SUB(other, one), CONEMAP__F1(sights->fraction[k])));
+}
+
+/* Is everything there that texels `at` and on look at? */
+CONEMAP__HELPER int CONEMAP__KERNEL(is_inside)(const conemap__sights *sights, const float *const *rows, int at,
+                                               int width) {
+    return at >= sights->reach_u && at + CONEMAP__LANES + sights->reach_u <= width && rows[-sights->reach_v] &&
+           rows[sights->reach_v];
 }
 
 /* Heights around the row at hand; what is missing stands so low that it adds nothing. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(around)(const float *const *rows, int y, int x, int width, int wraps,
                                                    int inside) {
     const float missing = -1.0e9f;
-    if (!rows[y]) return CONEMAP__F1(missing);
-    return inside ? CONEMAP__LOADF(rows[y] + x) : CONEMAP__KERNEL(beside)(rows[y], x, width, wraps, 0, missing);
+    if (inside) return CONEMAP__LOADF(rows[y] + x);
+    return rows[y] ? CONEMAP__KERNEL(beside)(rows[y], x, width, wraps, 0, missing) : CONEMAP__F1(missing);
+}
+
+/* A texel looks at where sides are cut, along an axis, in both directions. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_at_sides)(const conemap__sights *sights, const float *const *rows,
+                                                          int axis, int at, CONEMAP__F apex, int width, int wraps,
+                                                          int inside, CONEMAP__F seen) {
+    int away, k, u = axis ? 0 : 1, v = axis ? 1 : 0; /* from the foot of a side to its end */
+    for (away = 1; away <= sights->sides[axis]; ++away) {
+        int step = sights->cut[axis][away], x = axis ? away : 0, y = axis ? 0 : away;
+        CONEMAP__F foot[2], end[2];
+        foot[0] = CONEMAP__KERNEL(around)(rows, -y, at - x, width, wraps, inside);
+        foot[1] = CONEMAP__KERNEL(around)(rows, y, at + x, width, wraps, inside);
+        end[0] = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, -y - v, at - x - u, width, wraps, inside),
+                              CONEMAP__KERNEL(around)(rows, -y + v, at - x + u, width, wraps, inside));
+        end[1] = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, y - v, at + x - u, width, wraps, inside),
+                              CONEMAP__KERNEL(around)(rows, y + v, at + x + u, width, wraps, inside));
+        for (k = step; k < CONEMAP__FINEST; k += step) {
+            CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(between)(sights, k, foot[0], end[0]),
+                                              CONEMAP__KERNEL(between)(sights, k, foot[1], end[1]));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex),
+                                                   CONEMAP__F1(sights->side[axis][away][k])));
+        }
+    }
+    return seen;
 }
 
 /* A texel looks over its own cells and at those near it. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_up)(const conemap__sights *sights, const float *const *rows, int at,
                                                     int width, int wraps, int inside) {
-    CONEMAP__F apex = CONEMAP__KERNEL(around)(rows, 0, at, width, wraps, inside), seen = CONEMAP__F1(0.0f), foot, end;
+    CONEMAP__F apex = CONEMAP__KERNEL(around)(rows, 0, at, width, wraps, inside), seen = CONEMAP__F1(0.0f);
     CONEMAP__F along, across;
-    int k, sign;
+    int k;
     along = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, 0, at - 1, width, wraps, inside),
                          CONEMAP__KERNEL(around)(rows, 0, at + 1, width, wraps, inside));
     across = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, -1, at, width, wraps, inside),
@@ -17483,30 +17507,18 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_up)(const conemap__sights *sight
         if (x && y) highest = CONEMAP__MAX(highest, CONEMAP__KERNEL(around)(rows, -y, at - x, width, wraps, inside));
         seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex), CONEMAP__F1(sights->vertex[y][x])));
     }
-    for (sign = -1; sign <= 1; sign += 2) {
-        for (k = 1; k <= sights->sides[0]; ++k) {
-            foot = CONEMAP__KERNEL(around)(rows, sign * k, at, width, wraps, inside);
-            end = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, sign * k, at - 1, width, wraps, inside),
-                               CONEMAP__KERNEL(around)(rows, sign * k, at + 1, width, wraps, inside));
-            seen = CONEMAP__KERNEL(between)(sights, 0, k, CONEMAP__SUB(foot, apex), CONEMAP__SUB(end, apex), seen);
-        }
-        for (k = 1; k <= sights->sides[1]; ++k) {
-            foot = CONEMAP__KERNEL(around)(rows, 0, at + sign * k, width, wraps, inside);
-            end = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, -1, at + sign * k, width, wraps, inside),
-                               CONEMAP__KERNEL(around)(rows, 1, at + sign * k, width, wraps, inside));
-            seen = CONEMAP__KERNEL(between)(sights, 1, k, CONEMAP__SUB(foot, apex), CONEMAP__SUB(end, apex), seen);
-        }
-    }
+    seen = CONEMAP__KERNEL(look_at_sides)(sights, rows, 0, at, apex, width, wraps, inside, seen);
+    seen = CONEMAP__KERNEL(look_at_sides)(sights, rows, 1, at, apex, width, wraps, inside, seen);
     return CONEMAP__MAX(CONEMAP__MUL(seen, seen),
                         CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                    int wraps, float least, int first, int count, float *out) {
-    int x, reach = sights->reach;
+    int x;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         int at = first + x;
-        CONEMAP__F seen = at >= reach && at + CONEMAP__LANES + reach <= width
+        CONEMAP__F seen = CONEMAP__KERNEL(is_inside)(sights, rows, at, width)
                               ? CONEMAP__KERNEL(look_up)(sights, rows, at, width, wraps, 1)
                               : CONEMAP__KERNEL(look_up)(sights, rows, at, width, wraps, 0);
         CONEMAP__KERNEL(store)(out + x, CONEMAP__MAX(seen, CONEMAP__F1(least)), count - x);
@@ -17526,36 +17538,47 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beyond)(int x, int low, int high) {
     return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__LOADF(lanes));
 }
 
-/* The sides of cells, at these corners, as vertices see them that they face. */
+/* The sides from `one` to `other` high as vertices see them that they face: texels `at` and on beside the former, and
+   those `step` columns or, along v, rows after; `away` counts in the other direction. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(side_seen)(const conemap__sights *sights, const float *const *rows, int axis,
+                                                      int sign, int at, CONEMAP__F one, CONEMAP__F other, int width,
+                                                      int wraps, int inside, CONEMAP__F seen) {
+    int away, k;
+    for (away = 1; away <= sights->sides[axis]; ++away) {
+        const float *numbers = sights->side[axis][away];
+        int step = sights->cut[axis][away];
+        int y = axis ? 0 : sign < 0 ? -away : sights->step_y + away, x = axis ? at + sign * away : at;
+        CONEMAP__F by_one = CONEMAP__KERNEL(around)(rows, y, x, width, wraps, inside);
+        CONEMAP__F by_other = CONEMAP__KERNEL(around)(rows, axis ? sights->step_y : y, axis ? x : x + sights->step_x,
+                                                      width, wraps, inside);
+        for (k = step; k < CONEMAP__FINEST; k += step) {
+            CONEMAP__F point = CONEMAP__KERNEL(between)(sights, k, one, other);
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(by_one, point), CONEMAP__F1(numbers[k])));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(by_other, point),
+                                                   CONEMAP__F1(numbers[CONEMAP__FINEST - k])));
+        }
+    }
+    return seen;
+}
+
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(sides_seen)(const conemap__sights *sights, const float *const *rows, int at,
                                                        const CONEMAP__F *h, int width, int wraps, int inside) {
-    CONEMAP__F seen = CONEMAP__F1(0.0f), from;
-    int k, far, end, step_x = sights->step_x, step_y = sights->step_y;
-    for (far = 0; far < 2; ++far)
-        for (end = 0; end < 2; ++end) { /* the vertex stands opposite one end */
-            for (k = 1; k <= sights->sides[0]; ++k) {
-                from = CONEMAP__KERNEL(around)(rows, far ? step_y + k : -k, end ? at + step_x : at, width, wraps,
-                                               inside);
-                seen = CONEMAP__KERNEL(between)(sights, 0, k, CONEMAP__SUB(from, h[2 * far + end]),
-                                                CONEMAP__SUB(from, h[2 * far + 1 - end]), seen);
-            }
-            for (k = 1; k <= sights->sides[1]; ++k) {
-                from = CONEMAP__KERNEL(around)(rows, end ? step_y : 0, far ? at + step_x + k : at - k, width, wraps,
-                                               inside);
-                seen = CONEMAP__KERNEL(between)(sights, 1, k, CONEMAP__SUB(from, h[far + 2 * end]),
-                                                CONEMAP__SUB(from, h[far + 2 * (1 - end)]), seen);
-            }
-        }
+    CONEMAP__F seen = CONEMAP__F1(0.0f);
+    int next = at + sights->step_x;
+    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 0, -1, at, h[0], h[1], width, wraps, inside, seen);
+    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 0, 1, at, h[2], h[3], width, wraps, inside, seen);
+    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 1, -1, at, h[0], h[2], width, wraps, inside, seen);
+    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 1, 1, next, h[1], h[3], width, wraps, inside, seen);
     return CONEMAP__MUL(seen, seen);
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sides_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                   int wraps, int first, int count, float *out) {
     const float *lower = rows[sights->step_y];
-    int x, k, reach = sights->reach, exists = lower != NULL;
+    int x, k, exists = lower != NULL;
     if (!exists) lower = rows[0];
     for (x = 0; x < count; x += CONEMAP__LANES) {
-        int at = first + x, inside = at >= reach && at + CONEMAP__LANES + reach <= width;
+        int at = first + x;
         CONEMAP__F h[4], along, across, steep, seen;
         for (k = 0; k < 4; ++k)
             h[k] = CONEMAP__KERNEL(beside)(k & 2 ? lower : rows[0], at + (k & 1) * sights->step_x, width, wraps, 1,
@@ -17566,8 +17589,9 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sides_row)(const conemap__sights *sights,
         across = CONEMAP__MUL(across, CONEMAP__F1(sights->per_v));
         steep = CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across));
         if (exists) {
-            seen = inside ? CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 1)
-                          : CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 0);
+            seen = CONEMAP__KERNEL(is_inside)(sights, rows, at, width)
+                       ? CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 1)
+                       : CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 0);
             if (!wraps && sights->step_x) /* no cell at the end */
                 seen = CONEMAP__PICK(CONEMAP__KERNEL(beyond)(at, 0, width - 2), CONEMAP__F1(0.0f), seen);
             steep = CONEMAP__MAX(steep, seen);
@@ -17588,9 +17612,11 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sigh
 /* Step 4: the bound of its slope, squared. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(patch)(const conemap__sights *sights, int k, const CONEMAP__F *rise) {
     CONEMAP__F seen = CONEMAP__F1(0.0f);
-    int c, axis = sights->axis[k], foot = sights->foot[k];
+    int c, axis = sights->axis[k], away = sights->away[k], foot = sights->foot[k], step = sights->cut[axis][away];
     for (c = 0; c < 4; ++c) seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise[c], CONEMAP__F1(sights->corner[k][c])));
-    seen = CONEMAP__KERNEL(between)(sights, axis, sights->away[k], rise[foot], rise[foot ^ (1 << axis)], seen);
+    for (c = step; c < CONEMAP__FINEST; c += step)
+        seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ (1 << axis)]),
+                                               CONEMAP__F1(sights->side[axis][away][c])));
     return CONEMAP__MUL(seen, seen);
 }
 
@@ -17821,8 +17847,12 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, c
     int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         CONEMAP__F best = CONEMAP__F1(0.0f);
-        for (k = 0; k < n; ++k)
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 1, 0.0f));
+        int at = first + x;
+        if (at > 0 && at + CONEMAP__LANES < width)
+            for (k = 0; k < n; ++k) best = CONEMAP__MAX(best, CONEMAP__LOADF(rows[k] + at + columns[k]));
+        else
+            for (k = 0; k < n; ++k)
+                best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], at + columns[k], width, wraps, 1, 0.0f));
         CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
