@@ -17614,9 +17614,10 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(patch)(const conemap__sights *sights,
     CONEMAP__F seen = CONEMAP__F1(0.0f);
     int c, axis = sights->axis[k], away = sights->away[k], foot = sights->foot[k], step = sights->cut[axis][away];
     for (c = 0; c < 4; ++c) seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise[c], CONEMAP__F1(sights->corner[k][c])));
-    for (c = step; c < CONEMAP__FINEST; c += step)
-        seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ (1 << axis)]),
-                                               CONEMAP__F1(sights->side[axis][away][c])));
+    for (c = step; c < CONEMAP__FINEST; c += step) {
+        CONEMAP__F point = CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ (1 << axis)]);
+        seen = CONEMAP__MAX(seen, CONEMAP__MUL(point, CONEMAP__F1(sights->side[axis][away][c])));
+    }
     return CONEMAP__MUL(seen, seen);
 }
 
