@@ -2308,8 +2308,7 @@ typedef struct conemap__offsets {
 #define CONEMAP__WIDE 1.0e9f /* texels: farther than anything */
 
 /* The cells near a vertex that do not touch it, and step 4's numbers for them: nothing in a cell is steeper than the
-   largest product of a number and of how high its point rises, a corner or one between them where the side that faces
-   the vertex is cut. */
+   largest product of a number and of how high its point rises, a corner or one between two where a side is cut. */
 #define CONEMAP__SIGHTS 128 /* texels are at most 8:1: then there are 88, up to 13 rows away */
 #define CONEMAP__SIGHT_REACH 16
 #define CONEMAP__FINEST 32 /* pieces of a side */
@@ -2325,11 +2324,41 @@ typedef struct conemap__sights {
     float fraction[CONEMAP__FINEST + 1];
     int points, point_x[CONEMAP__SIGHTS], point_y[CONEMAP__SIGHTS]; /* vertices that the search leaves to these */
     int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS]; /* cells that are looked at one by one: in sectors, or relaxed */
-    int axis[CONEMAP__SIGHTS], away[CONEMAP__SIGHTS], foot[CONEMAP__SIGHTS]; /* of the side that is cut: its corner
-                                                                                opposite the vertex */
+    int axis[CONEMAP__SIGHTS], away[CONEMAP__SIGHTS], foot[CONEMAP__SIGHTS]; /* of the nearer side that may be cut, its
+                                                                                corner opposite the vertex */
     float corner[CONEMAP__SIGHTS][4], most[CONEMAP__SIGHTS]; /* most: of all numbers, and a little more */
     int by_border[CONEMAP__SIGHTS]; /* eight sectors: beyond the diagonal, so only there where a quadrant counts */
 } conemap__sights;
+
+/* The heights that `lanes` columns from `at` on look at, of rows around theirs. By a border they are copied, and `at`
+   is then a place in the copy: what is missing stands so low there that it adds nothing. */
+typedef struct conemap__surroundings {
+    const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
+    float heights[2 * CONEMAP__SIGHT_REACH + 1][2 * CONEMAP__SIGHT_REACH + 16];
+} conemap__surroundings;
+
+static const float *const *conemap__copy_around(const conemap__sights *sights, const float *const *rows, int at,
+                                                int lanes, int width, int wraps, conemap__surroundings *copy) {
+    int x0 = at - sights->reach_u, count = lanes + 2 * sights->reach_u, x, y;
+    for (y = -sights->reach_v; y <= sights->reach_v; ++y) {
+        float *to = copy->heights[CONEMAP__SIGHT_REACH + y];
+        copy->rows[CONEMAP__SIGHT_REACH + y] = to;
+        for (x = x0; x < x0 + count; ++x) {
+            int inside = x >= 0 && x < width;
+            *to++ = rows[y] && (inside || wraps) ? rows[y][inside ? x : conemap__repeat(x, width)] : -1.0e9f;
+        }
+    }
+    return copy->rows + CONEMAP__SIGHT_REACH;
+}
+
+CONEMAP__INLINE const float *const *conemap__surround(const conemap__sights *sights, const float *const *rows, int *at,
+                                                      int lanes, int width, int wraps, conemap__surroundings *copy) {
+    int from = *at, reach_u = sights->reach_u;
+    if (from >= reach_u && from + lanes + reach_u <= width && rows[-sights->reach_v] && rows[sights->reach_v])
+        return rows;
+    *at = reach_u;
+    return conemap__copy_around(sights, rows, from, lanes, width, wraps, copy);
+}
 
 /* Who looks, with relaxed cones and in a sector. */
 typedef struct conemap__outlook {
@@ -3778,8 +3807,8 @@ static double conemap__steeper2(double x0, double x1, double y, double y0, doubl
     return conemap__spread2(x0, y, x1, y) * conemap__spread2(x, y0, x, y1);
 }
 
-/* Step 4's numbers for the cell x columns and y rows away, of which one is not 0: for two of its sides, of which the
-   one that faces the vertex is cut until they are tight. */
+/* Step 4's numbers for the cell x columns and y rows away, of which one is not 0: for two of its sides, cut until they
+   are tight if they face the vertex; others are. */
 static void conemap__number_cell(conemap__sights *sights, const conemap__band *band, int x, int y) {
     int axis = y == 0, at = axis ? 0 : x, away = axis ? x : y, step = axis ? sights->step_y : sights->step_x;
     double along = (double)(axis ? band->b : band->a), across = (double)(axis ? band->a : band->b);
@@ -3787,12 +3816,12 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
     int far, pieces, i, k;
     for (far = 0; far < 2; ++far) {
         double distance = far ? y1 : y0;
-        for (pieces = 1; at == 0 && !far && pieces < CONEMAP__FINEST; pieces *= 2) {
-            double worst = 1.0;
+        for (pieces = 1; at == 0 && pieces < CONEMAP__FINEST; pieces *= 2) {
             for (i = 0; i < pieces; ++i)
-                if (conemap__steeper2(along * i / pieces, along * (i + 1) / pieces, y0, y0, y1) > worst)
-                    worst = conemap__steeper2(along * i / pieces, along * (i + 1) / pieces, y0, y0, y1);
-            if (worst * (1.0 - (double)CONEMAP__TOLERANCE) <= 1.0) break;
+                if (conemap__steeper2(along * i / pieces, along * (i + 1) / pieces, distance, y0, y1) *
+                        (1.0 - (double)CONEMAP__TOLERANCE) > 1.0)
+                    break;
+            if (i == pieces) break;
         }
         for (i = 0; i < 2 * pieces; ++i) { /* both ends of each */
             double x0 = along * (at + (double)(i / 2) / pieces), x1 = along * (at + (double)(i / 2 + 1) / pieces);
@@ -3801,7 +3830,7 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
             float number = (float)(sqrt(steeper2 / (end * end + distance * distance)) * 1.000001), *to;
             k = (i + 1) / 2 * (CONEMAP__FINEST / pieces);
             if (k % CONEMAP__FINEST != 0)
-                to = &sights->side[axis][away][k];
+                to = &sights->side[axis][away + far][k];
             else if (axis)
                 to = &sights->vertex[k == 0 ? 0 : step][away + far];
             else
@@ -3809,8 +3838,8 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
             *to = conemap__max(*to, number);
         }
         if (pieces == 1) continue;
-        sights->cut[axis][away] = CONEMAP__FINEST / pieces;
-        sights->sides[axis] = conemap__maxi(sights->sides[axis], away);
+        sights->cut[axis][away + far] = conemap__mini(sights->cut[axis][away + far], CONEMAP__FINEST / pieces);
+        sights->sides[axis] = conemap__maxi(sights->sides[axis], away + far);
     }
 }
 
@@ -3824,8 +3853,6 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
     sights->limit = limit;
     sights->step_x = info->width > 1;
     sights->step_y = info->height > 1;
-    sights->reach_u = reach_u + 1;
-    sights->reach_v = reach_v + 1;
     sights->per_u = a > 0.0f ? 1.0f / a : 0.0f;
     sights->per_v = b > 0.0f ? 1.0f / b : 0.0f;
     for (k = 0; k <= CONEMAP__FINEST; ++k) sights->fraction[k] = (float)k / (float)CONEMAP__FINEST;
@@ -3839,16 +3866,20 @@ static void conemap__find_sights(const conemap__band *band, float near2, conemap
             if (!(number > 0.0f) || (d2 >= limit && number * number * (d2 - band->deflate) <= 1.0f)) continue;
             sights->point_x[sights->points] = x;
             sights->point_y[sights->points++] = y;
+            sights->reach_u = conemap__maxi(sights->reach_u, x);
+            sights->reach_v = conemap__maxi(sights->reach_v, y);
         }
+    sights->reach_u = conemap__maxi(sights->reach_u, sights->sides[1] + 1); /* a cell's other side is seen, too */
+    sights->reach_v = conemap__maxi(sights->reach_v, sights->sides[0] + 1);
 }
 
 /* Those cells one by one: in a sector, those that a vertex sees (sign 1) or that see the vertex (-1); the diagonal's
    are in both octants. */
 static void conemap__list_sights(const conemap__band *band, int sign, conemap__sights *sights) {
-    int reach_u = sights->reach_u, reach_v = sights->reach_v, step_x = sights->step_x, step_y = sights->step_y;
+    int reach = CONEMAP__SIGHT_REACH, step_x = sights->step_x, step_y = sights->step_y;
     int su = sign * band->sector.su, sv = sign * band->sector.sv, x, y, c, n = 0;
-    for (y = -reach_v; y < reach_v; ++y)
-        for (x = -reach_u; x < reach_u; ++x) {
+    for (y = -reach; y < reach; ++y)
+        for (x = -reach; x < reach; ++x) {
             int columns = conemap__maxi(conemap__maxi(x, -x - step_x), 0); /* to the nearest corner */
             int rows = conemap__maxi(conemap__maxi(y, -y - step_y), 0);
             int ahead_u = conemap__ahead(x, su, step_x), ahead_v = conemap__ahead(y, sv, step_y);
@@ -3861,7 +3892,7 @@ static void conemap__list_sights(const conemap__band *band, int sign, conemap__s
                                    : band->sector.major == 2 ? ahead_v < ahead_u
                                                              : 0;
             sights->axis[n] = rows == 0;
-            sights->away[n] = columns == 0 ? rows : rows == 0 ? columns : 0; /* no side is 0 away: it is not cut */
+            sights->away[n] = columns == 0 ? rows : rows == 0 ? columns : 0; /* 0: not cut */
             sights->foot[n] = (x < 0) + 2 * (y < 0);
             sights->most[n] = 0.0f;
             for (c = 0; c < 4; ++c) {
@@ -3869,8 +3900,9 @@ static void conemap__list_sights(const conemap__band *band, int sign, conemap__s
                 sights->corner[n][c] = sights->vertex[conemap__maxi(j, -j)][conemap__maxi(i, -i)];
                 sights->most[n] = conemap__max(sights->most[n], sights->corner[n][c]);
             }
-            for (c = 0; c < CONEMAP__FINEST; ++c)
-                sights->most[n] = conemap__max(sights->most[n], sights->side[sights->axis[n]][sights->away[n]][c]);
+            for (c = 0; c < 2 * CONEMAP__FINEST && sights->away[n] > 0; ++c)
+                sights->most[n] = conemap__max(sights->most[n], sights->side[sights->axis[n]]
+                                                                            [sights->away[n] + c % 2][c / 2]);
             sights->most[n] *= 1.00001f;
             ++n;
         }
@@ -17448,38 +17480,20 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(between)(const conemap__sights *sight
     return CONEMAP__ADD(one, CONEMAP__MUL(CONEMAP__SUB(other, one), CONEMAP__F1(sights->fraction[k])));
 }
 
-/* Is everything there that texels `at` and on look at? */
-CONEMAP__HELPER int CONEMAP__KERNEL(is_inside)(const conemap__sights *sights, const float *const *rows, int at,
-                                               int width) {
-    return at >= sights->reach_u && at + CONEMAP__LANES + sights->reach_u <= width && rows[-sights->reach_v] &&
-           rows[sights->reach_v];
-}
-
-/* Heights around the row at hand; what is missing stands so low that it adds nothing. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(around)(const float *const *rows, int y, int x, int width, int wraps,
-                                                   int inside) {
-    const float missing = -1.0e9f;
-    if (inside) return CONEMAP__LOADF(rows[y] + x);
-    return rows[y] ? CONEMAP__KERNEL(beside)(rows[y], x, width, wraps, 0, missing) : CONEMAP__F1(missing);
-}
-
-/* A texel looks at where sides are cut, along an axis, in both directions. */
+/* Texels look at where sides are cut, along an axis, in both directions. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_at_sides)(const conemap__sights *sights, const float *const *rows,
-                                                          int axis, int at, CONEMAP__F apex, int width, int wraps,
-                                                          int inside, CONEMAP__F seen) {
+                                                          int axis, int at, CONEMAP__F apex, CONEMAP__F seen) {
     int away, k, u = axis ? 0 : 1, v = axis ? 1 : 0; /* from the foot of a side to its end */
     for (away = 1; away <= sights->sides[axis]; ++away) {
         int step = sights->cut[axis][away], x = axis ? away : 0, y = axis ? 0 : away;
-        CONEMAP__F foot[2], end[2];
-        foot[0] = CONEMAP__KERNEL(around)(rows, -y, at - x, width, wraps, inside);
-        foot[1] = CONEMAP__KERNEL(around)(rows, y, at + x, width, wraps, inside);
-        end[0] = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, -y - v, at - x - u, width, wraps, inside),
-                              CONEMAP__KERNEL(around)(rows, -y + v, at - x + u, width, wraps, inside));
-        end[1] = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, y - v, at + x - u, width, wraps, inside),
-                              CONEMAP__KERNEL(around)(rows, y + v, at + x + u, width, wraps, inside));
+        CONEMAP__F before = CONEMAP__LOADF(rows[-y] + at - x), after = CONEMAP__LOADF(rows[y] + at + x);
+        CONEMAP__F before_end = CONEMAP__MAX(CONEMAP__LOADF(rows[-y - v] + at - x - u),
+                                             CONEMAP__LOADF(rows[-y + v] + at - x + u));
+        CONEMAP__F after_end = CONEMAP__MAX(CONEMAP__LOADF(rows[y - v] + at + x - u),
+                                            CONEMAP__LOADF(rows[y + v] + at + x + u));
         for (k = step; k < CONEMAP__FINEST; k += step) {
-            CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(between)(sights, k, foot[0], end[0]),
-                                              CONEMAP__KERNEL(between)(sights, k, foot[1], end[1]));
+            CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(between)(sights, k, before, before_end),
+                                              CONEMAP__KERNEL(between)(sights, k, after, after_end));
             seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex),
                                                    CONEMAP__F1(sights->side[axis][away][k])));
         }
@@ -17487,49 +17501,40 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_at_sides)(const conemap__sights 
     return seen;
 }
 
-/* A texel looks over its own cells and at those near it. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_up)(const conemap__sights *sights, const float *const *rows, int at,
-                                                    int width, int wraps, int inside) {
-    CONEMAP__F apex = CONEMAP__KERNEL(around)(rows, 0, at, width, wraps, inside), seen = CONEMAP__F1(0.0f);
-    CONEMAP__F along, across;
-    int k;
-    along = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, 0, at - 1, width, wraps, inside),
-                         CONEMAP__KERNEL(around)(rows, 0, at + 1, width, wraps, inside));
-    across = CONEMAP__MAX(CONEMAP__KERNEL(around)(rows, -1, at, width, wraps, inside),
-                          CONEMAP__KERNEL(around)(rows, 1, at, width, wraps, inside));
-    along = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(along, apex), seen), CONEMAP__F1(sights->per_u));
-    across = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(across, apex), seen), CONEMAP__F1(sights->per_v));
-    for (k = 0; k < sights->points; ++k) {
-        int x = sights->point_x[k], y = sights->point_y[k];
-        CONEMAP__F highest = CONEMAP__KERNEL(around)(rows, y, at + x, width, wraps, inside);
-        if (x) highest = CONEMAP__MAX(highest, CONEMAP__KERNEL(around)(rows, y, at - x, width, wraps, inside));
-        if (y) highest = CONEMAP__MAX(highest, CONEMAP__KERNEL(around)(rows, -y, at + x, width, wraps, inside));
-        if (x && y) highest = CONEMAP__MAX(highest, CONEMAP__KERNEL(around)(rows, -y, at - x, width, wraps, inside));
-        seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex), CONEMAP__F1(sights->vertex[y][x])));
-    }
-    seen = CONEMAP__KERNEL(look_at_sides)(sights, rows, 0, at, apex, width, wraps, inside, seen);
-    seen = CONEMAP__KERNEL(look_at_sides)(sights, rows, 1, at, apex, width, wraps, inside, seen);
-    return CONEMAP__MAX(CONEMAP__MUL(seen, seen),
-                        CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
-}
-
+/* Texels look over their own cells and at those near them. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                    int wraps, float least, int first, int count, float *out) {
-    int x;
+    conemap__surroundings copy;
+    int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         int at = first + x;
-        CONEMAP__F seen = CONEMAP__KERNEL(is_inside)(sights, rows, at, width)
-                              ? CONEMAP__KERNEL(look_up)(sights, rows, at, width, wraps, 1)
-                              : CONEMAP__KERNEL(look_up)(sights, rows, at, width, wraps, 0);
+        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        CONEMAP__F apex = CONEMAP__LOADF(around[0] + at), seen = CONEMAP__F1(0.0f), along, across;
+        along = CONEMAP__MAX(CONEMAP__LOADF(around[0] + at - 1), CONEMAP__LOADF(around[0] + at + 1));
+        across = CONEMAP__MAX(CONEMAP__LOADF(around[-1] + at), CONEMAP__LOADF(around[1] + at));
+        along = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(along, apex), seen), CONEMAP__F1(sights->per_u));
+        across = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(across, apex), seen), CONEMAP__F1(sights->per_v));
+        for (k = 0; k < sights->points; ++k) {
+            int u = sights->point_x[k], v = sights->point_y[k];
+            CONEMAP__F highest = CONEMAP__LOADF(around[v] + at + u);
+            if (u) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[v] + at - u));
+            if (v) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[-v] + at + u));
+            if (u && v) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[-v] + at - u));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex), CONEMAP__F1(sights->vertex[v][u])));
+        }
+        seen = CONEMAP__KERNEL(look_at_sides)(sights, around, 0, at, apex, seen);
+        seen = CONEMAP__KERNEL(look_at_sides)(sights, around, 1, at, apex, seen);
+        seen = CONEMAP__MAX(CONEMAP__MUL(seen, seen),
+                            CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
         CONEMAP__KERNEL(store)(out + x, CONEMAP__MAX(seen, CONEMAP__F1(least)), count - x);
     }
 }
 
-/* Of places x, x + 1 .. those beyond low..high. */
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(none)(void) {
     return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
 }
 
+/* Of places x, x + 1 .. those beyond low..high. */
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beyond)(int x, int low, int high) {
     float lanes[CONEMAP__LANES];
     int t;
@@ -17538,19 +17543,17 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beyond)(int x, int low, int high) {
     return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__LOADF(lanes));
 }
 
-/* The sides from `one` to `other` high as vertices see them that they face: texels `at` and on beside the former, and
-   those `step` columns or, along v, rows after; `away` counts in the other direction. */
+/* Sides from `one`, at columns x and on of row y, to `other`, as vertices see them that stand opposite their ends, from
+   `nearest` on. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(side_seen)(const conemap__sights *sights, const float *const *rows, int axis,
-                                                      int sign, int at, CONEMAP__F one, CONEMAP__F other, int width,
-                                                      int wraps, int inside, CONEMAP__F seen) {
+                                                      int x, int y, CONEMAP__F one, CONEMAP__F other, int sign,
+                                                      int nearest, CONEMAP__F seen) {
     int away, k;
-    for (away = 1; away <= sights->sides[axis]; ++away) {
+    for (away = nearest; away <= sights->sides[axis]; ++away) {
         const float *numbers = sights->side[axis][away];
-        int step = sights->cut[axis][away];
-        int y = axis ? 0 : sign < 0 ? -away : sights->step_y + away, x = axis ? at + sign * away : at;
-        CONEMAP__F by_one = CONEMAP__KERNEL(around)(rows, y, x, width, wraps, inside);
-        CONEMAP__F by_other = CONEMAP__KERNEL(around)(rows, axis ? sights->step_y : y, axis ? x : x + sights->step_x,
-                                                      width, wraps, inside);
+        int step = sights->cut[axis][away], u = axis ? x + sign * away : x, v = axis ? y : y + sign * away;
+        CONEMAP__F by_one = CONEMAP__LOADF(rows[v] + u);
+        CONEMAP__F by_other = CONEMAP__LOADF(rows[axis ? v + sights->step_y : v] + (axis ? u : u + sights->step_x));
         for (k = step; k < CONEMAP__FINEST; k += step) {
             CONEMAP__F point = CONEMAP__KERNEL(between)(sights, k, one, other);
             seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(by_one, point), CONEMAP__F1(numbers[k])));
@@ -17561,42 +17564,39 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(side_seen)(const conemap__sights *sig
     return seen;
 }
 
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(sides_seen)(const conemap__sights *sights, const float *const *rows, int at,
-                                                       const CONEMAP__F *h, int width, int wraps, int inside) {
-    CONEMAP__F seen = CONEMAP__F1(0.0f);
-    int next = at + sights->step_x;
-    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 0, -1, at, h[0], h[1], width, wraps, inside, seen);
-    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 0, 1, at, h[2], h[3], width, wraps, inside, seen);
-    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 1, -1, at, h[0], h[2], width, wraps, inside, seen);
-    seen = CONEMAP__KERNEL(side_seen)(sights, rows, 1, 1, next, h[1], h[3], width, wraps, inside, seen);
-    return CONEMAP__MUL(seen, seen);
-}
-
+/* Cells are seen from within and, at their sides, by vertices around them. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sides_row)(const conemap__sights *sights, const float *const *rows, int width,
                                                   int wraps, int first, int count, float *out) {
-    const float *lower = rows[sights->step_y];
-    int x, k, exists = lower != NULL;
-    if (!exists) lower = rows[0];
+    conemap__surroundings copy;
+    int x, k, sign, below = sights->step_y, farthest = conemap__maxi(sights->sides[0], sights->sides[1]);
+    if (!rows[below]) { /* no cells, and so below */
+        memset(out, 0, (size_t)count * sizeof(float));
+        return;
+    }
     for (x = 0; x < count; x += CONEMAP__LANES) {
-        int at = first + x;
-        CONEMAP__F h[4], along, across, steep, seen;
-        for (k = 0; k < 4; ++k)
-            h[k] = CONEMAP__KERNEL(beside)(k & 2 ? lower : rows[0], at + (k & 1) * sights->step_x, width, wraps, 1,
-                                           0.0f);
+        int at = first + x, next;
+        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        CONEMAP__F h[4], along, across, seen = CONEMAP__F1(0.0f);
+        next = at + sights->step_x;
+        for (k = 0; k < 4; ++k) h[k] = CONEMAP__LOADF(around[k & 2 ? below : 0] + (k & 1 ? next : at));
         along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h[1], h[0]), CONEMAP__SUB(h[3], h[2]));
         across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h[2], h[0]), CONEMAP__SUB(h[3], h[1]));
         along = CONEMAP__MUL(along, CONEMAP__F1(sights->per_u));
         across = CONEMAP__MUL(across, CONEMAP__F1(sights->per_v));
-        steep = CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across));
-        if (exists) {
-            seen = CONEMAP__KERNEL(is_inside)(sights, rows, at, width)
-                       ? CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 1)
-                       : CONEMAP__KERNEL(sides_seen)(sights, rows, at, h, width, wraps, 0);
-            if (!wraps && sights->step_x) /* no cell at the end */
-                seen = CONEMAP__PICK(CONEMAP__KERNEL(beyond)(at, 0, width - 2), CONEMAP__F1(0.0f), seen);
-            steep = CONEMAP__MAX(steep, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, 0, h[0], h[1], -1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, below, h[2], h[3], 1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, at, 0, h[0], h[2], -1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, next, 0, h[1], h[3], 1, 1, seen);
+        for (sign = 1; sign >= -1 && farthest > 1; sign -= 2) { /* from the cell's other side */
+            int u = sign > 0 ? at : next, v = sign > 0 ? 0 : below, c = sign > 0 ? 0 : 3;
+            seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, v, h[c & 2], h[c | 1], sign, 2, seen);
+            seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, u, 0, h[c & 1], h[c | 2], sign, 2, seen);
         }
-        CONEMAP__KERNEL(store)(out + x, steep, count - x);
+        seen = CONEMAP__MAX(CONEMAP__MUL(seen, seen),
+                            CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
+        if (!wraps && sights->step_x)
+            seen = CONEMAP__PICK(CONEMAP__KERNEL(beyond)(first + x, 0, width - 2), CONEMAP__F1(0.0f), seen);
+        CONEMAP__KERNEL(store)(out + x, seen, count - x);
     }
 }
 
@@ -17612,11 +17612,15 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sigh
 /* Step 4: the bound of its slope, squared. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(patch)(const conemap__sights *sights, int k, const CONEMAP__F *rise) {
     CONEMAP__F seen = CONEMAP__F1(0.0f);
-    int c, axis = sights->axis[k], away = sights->away[k], foot = sights->foot[k], step = sights->cut[axis][away];
+    int axis = sights->axis[k], along = 1 << axis, foot = sights->foot[k], far, c;
     for (c = 0; c < 4; ++c) seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise[c], CONEMAP__F1(sights->corner[k][c])));
-    for (c = step; c < CONEMAP__FINEST; c += step) {
-        CONEMAP__F point = CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ (1 << axis)]);
-        seen = CONEMAP__MAX(seen, CONEMAP__MUL(point, CONEMAP__F1(sights->side[axis][away][c])));
+    for (far = 0; sights->away[k] > 0 && far < 2; ++far) {
+        int away = sights->away[k] + far, step = sights->cut[axis][away];
+        for (c = step; c < CONEMAP__FINEST; c += step) {
+            CONEMAP__F point = CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ along]);
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(point, CONEMAP__F1(sights->side[axis][away][c])));
+        }
+        foot ^= 3 - along; /* of the opposite side */
     }
     return CONEMAP__MUL(seen, seen);
 }
