@@ -3827,6 +3827,7 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
             double x0 = along * (at + (double)(i / 2) / pieces), x1 = along * (at + (double)(i / 2 + 1) / pieces);
             double end = i % 2 ? x1 : x0;
             double steeper2 = conemap__steeper2(x0, x1, distance, y0, y1);
+            if (steeper2 < 1.05) steeper2 = 1.05; /* what nearly touches is hard to prove; square texels have more */
             float number = (float)(sqrt(steeper2 / (end * end + distance * distance)) * 1.000001), *to;
             k = (i + 1) / 2 * (CONEMAP__FINEST / pieces);
             if (k % CONEMAP__FINEST != 0)
