@@ -2320,22 +2320,58 @@ typedef struct conemap__offsets {
 
 #define CONEMAP__WIDE 1.0e9f /* texels: farther than anything */
 
-/* The cells near a vertex that do not touch it: where their corners stand, and how they are cut into pieces for step 4
-   of the proof of safe cones, FINEST / columns by FINEST / rows of them. Each corner of a piece has 1 / sqrt(D^2 - V),
-   row by row. */
-#define CONEMAP__SIGHTS 128 /* texels are at most 8:1: then there are 88, with 1024 numbers, up to 13 rows away */
+/* The cells near a vertex that do not touch it, and step 4's numbers for them: nothing in a cell is steeper than the
+   largest product of a number and of how high its point rises, a corner or one between two where a side is cut. */
+#define CONEMAP__SIGHTS 128 /* texels are at most 8:1: then there are 88, up to 13 rows away */
 #define CONEMAP__SIGHT_REACH 16
-#define CONEMAP__FINEST 32 /* pieces along an axis */
+#define CONEMAP__FINEST 32 /* pieces of a side */
 typedef struct conemap__sights {
-    int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS], columns[CONEMAP__SIGHTS], rows[CONEMAP__SIGHTS];
-    int first[CONEMAP__SIGHTS]; /* in `inverse` */
     int step_x, step_y;      /* from a corner to the next; 0 along an axis of one texel */
-    int reach;               /* columns to either side that are looked at */
-    int follows[CONEMAP__SIGHTS]; /* the cell lies to the right of the last one */
-    float most[CONEMAP__SIGHTS]; /* the largest number of each, and a little more */
+    int reach_u, reach_v;    /* columns and rows to either side that are looked at */
+    float limit;             /* squared distance of what is near */
+    float per_u, per_v;      /* 1 / texel size; 0 along an axis of one texel */
+    float vertex[CONEMAP__SIGHT_REACH + 1][CONEMAP__SIGHT_REACH + 1]; /* that stand so many rows and columns away */
+    float side[2][CONEMAP__SIGHT_REACH + 1][CONEMAP__FINEST + 1]; /* along u, so many rows away; along v, columns */
+    int cut[2][CONEMAP__SIGHT_REACH + 1]; /* FINEST / pieces */
+    int sides[2];            /* the farthest that is cut */
+    float fraction[CONEMAP__FINEST + 1];
+    int points, point_x[CONEMAP__SIGHTS], point_y[CONEMAP__SIGHTS]; /* vertices that the search leaves to these */
+    int count, x[CONEMAP__SIGHTS], y[CONEMAP__SIGHTS]; /* cells that are looked at one by one: in sectors, or relaxed */
+    int axis[CONEMAP__SIGHTS], away[CONEMAP__SIGHTS], foot[CONEMAP__SIGHTS]; /* of the nearer side that may be cut, its
+                                                                                corner opposite the vertex */
+    float corner[CONEMAP__SIGHTS][4], most[CONEMAP__SIGHTS]; /* most: of all numbers, and a little more */
     int by_border[CONEMAP__SIGHTS]; /* eight sectors: beyond the diagonal, so only there where a quadrant counts */
-    float fraction[CONEMAP__FINEST + 1], inverse[2048];
 } conemap__sights;
+
+/* The heights that `lanes` columns from `at` on look at, of rows around theirs. By a border they are copied, and `at`
+   is then a place in the copy: what is missing stands so low there that it adds nothing. */
+typedef struct conemap__surroundings {
+    const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
+    float heights[2 * CONEMAP__SIGHT_REACH + 1][2 * CONEMAP__SIGHT_REACH + 16];
+} conemap__surroundings;
+
+static const float *const *conemap__copy_around(const conemap__sights *sights, const float *const *rows, int at,
+                                                int lanes, int width, int wraps, conemap__surroundings *copy) {
+    int x0 = at - sights->reach_u, count = lanes + 2 * sights->reach_u, x, y;
+    for (y = -sights->reach_v; y <= sights->reach_v; ++y) {
+        float *to = copy->heights[CONEMAP__SIGHT_REACH + y];
+        copy->rows[CONEMAP__SIGHT_REACH + y] = to;
+        for (x = x0; x < x0 + count; ++x) {
+            int inside = x >= 0 && x < width;
+            *to++ = rows[y] && (inside || wraps) ? rows[y][inside ? x : conemap__repeat(x, width)] : -1.0e9f;
+        }
+    }
+    return copy->rows + CONEMAP__SIGHT_REACH;
+}
+
+CONEMAP__INLINE const float *const *conemap__surround(const conemap__sights *sights, const float *const *rows, int *at,
+                                                      int lanes, int width, int wraps, conemap__surroundings *copy) {
+    int from = *at, reach_u = sights->reach_u;
+    if (from >= reach_u && from + lanes + reach_u <= width && rows[-sights->reach_v] && rows[sights->reach_v])
+        return rows;
+    *at = reach_u;
+    return conemap__copy_around(sights, rows, from, lanes, width, wraps, copy);
+}
 
 /* Who looks, with relaxed cones and in a sector. */
 typedef struct conemap__outlook {
@@ -2641,17 +2677,13 @@ typedef struct conemap__kernels {
        null. */
     void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
                      int count, float *out);
-    /* Squares of the longest gradients of the cells between two rows. */
-    void (*gradient_row)(const float *above, const float *below, int width, int wraps, float a, float b, int first,
-                         int count, float *out);
-    /* Squares of what each texel sees of its own four cells, at least `least`. Missing rows are null. */
-    void (*corners_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
-                        int count, float *out);
-    /* Raises `out` to the steepest squared slope, by step 4 of the proof of safe cones, from each texel up to the cells
-       near it; or, given what is known of the texels in this row, from each cell, by its lower corner, up to the
-       vertices near it. rows[k] is the k-th row from this one, null where there is none. */
-    void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps,
-                       const float *known, int first, int count, float *out);
+    /* Squares of what each texel sees of its own four cells and, by step 4 of the proof of safe cones, of those near
+       it, at least `least`; and of what is seen of each cell, by its lower corner, from within and, where its sides are
+       cut, from the vertices near it. rows[k] is the k-th row from this one, null where there is none. */
+    void (*sights_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps, float least,
+                       int first, int count, float *out);
+    void (*sides_row)(const conemap__sights *sights, const float *const *rows, int width, int wraps, int first,
+                      int count, float *out);
     /* Relaxed cones, and those of a sector: what texels of row j see of the cells around them, at least `least`; and
        what is seen of cells of row j from within and from the vertices around them, raised from `out` and from what is
        known of the texels in the row where they have their place. */
@@ -2676,8 +2708,8 @@ typedef struct conemap__kernels {
 #define CONEMAP__KERNEL_LIST(isa)                                                                                  \
     { conemap__decode_row_##isa, conemap__narrowest_row_##isa, conemap__tangent_row_##isa, conemap__store_row_##isa, \
       conemap__floor_row_##isa,                                                                                     \
-      conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__gradient_row_##isa, conemap__corners_row_##isa, \
-      conemap__sights_row_##isa, conemap__vertices_row_##isa, conemap__cells_row_##isa, conemap__steepest_row_##isa, \
+      conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__sights_row_##isa, conemap__sides_row_##isa, \
+      conemap__vertices_row_##isa, conemap__cells_row_##isa, conemap__steepest_row_##isa, \
       conemap__quick_row_##isa, conemap__search_tile_##isa,                                                         \
       conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
 
@@ -3634,7 +3666,7 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
 
    Claim. For all points p, q of the surface, (h(q) - h(p) - d) t(p) <= |q - p|, where t(p) is the bilinear
    interpolation of the stored tangents and d = 2^-20: the cone at p, its apex raised by d, is empty.
-   Texels are a by b, V = (a^2 + b^2) / 4, slope(p, q) = (h(q) - h(p)) / |q - p|, and f is a texel's squared slope.
+   Texels are a by b, slope(p, q) = (h(q) - h(p)) / |q - p|, and f is a texel's squared slope.
    1. One end is a vertex. For p in cell P and q in cell Q, some corner of P seen with Q, or some corner of Q seen
       from P, has at least as large a slope (as a supremum). Fix r = q - p. Over the rectangle of p with p in P and
       p + r in Q, h(p + r) - h(p) is bilinear, so largest at a corner, where on each axis p or q lies on a grid line.
@@ -3645,20 +3677,27 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
    2. Same cell, P = Q: a slope is a mean of derivatives along the segment, so at most the longest gradient. h_x is
       affine in y and h_y in x, so its square is max(h_x0^2, h_x1^2) + max(h_y0^2, h_y1^2). Reached in the limit: exact.
    3. A corner u of another cell Q: along a ray from u the slope in Q is c1 + c2 s, largest for s -> 0, at most the
-      rising part of the gradient at u, or on one of Q's two far edges. On an edge at distance c,
-      (A + B y)^2 / (c^2 + y^2) <= A^2 / c^2 + B^2, reached at y = B c^2 / A; outside the edge, or with A <= 0, its
-      ends.
-   4. A vertex u and a patch Q apart from it, whose corners Q_j stand D_j away and rise dh_j above it. If
-      dh_j <= S sqrt(D_j^2 - V) for all four, then for q = sum w_j Q_j, as the root is concave,
-      h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for the variance of Q_j
-      under the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V. With heights negated: the same for u seen from p in
-      P. A patch cut up is several patches with a smaller V; the largest of their bounds is a bound.
+      rising part of the gradient at u, or on one of Q's two far edges: step 4's sides, nearest to u.
+   4. A vertex u and what stands apart from it. Points Q_j stand D_j away in directions e_j and rise dh_j above it.
+      A side, between two of them, seen under angle A: for q = sum w_j Q_j and the direction n in the middle,
+      |q - u| >= n.(q - u) = sum w_j D_j n.e_j >= cos(A / 2) sum w_j D_j. So if dh_j <= S D_j at both ends, then
+      h(q) - h(u) = sum w_j dh_j <= S |q - u| / cos(A / 2). Cut into pieces, each has its own A.
+      A patch is interpolated along two opposite sides, from x0 to x1 at y0 and at y1, and then across, so it is at most
+      1 / (cos(A / 2) cos(B / 2)) steeper than its points: A for the piece of a side, B the largest angle of the lines
+      across from (x, y0) to (x, y1), with x in that piece. Theirs is largest at x = sqrt(y0 y1) and falls off to both
+      sides. A point's number is the largest of these factors over D_j: if dh_j times its number is at most S for all
+      points, no slope is above S.
+      Far from u, more simply: with V = (a^2 + b^2) / 4, if dh_j <= S sqrt(D_j^2 - V) for all four corners, then, as
+      the root is concave, h(q) - h(u) <= S sum w_j sqrt(D_j^2 - V) <= S sqrt(|q - u|^2 + Var_w - V) <= S |q - u|, for
+      the variance of Q_j under the weights of q is x (1 - x) a^2 + y (1 - y) b^2 <= V.
+      With heights negated: the same for u seen from p in P.
    5. Every pair is seen. Let p in P, q in Q; by 1 it is a vertex u and a patch. Own cell: step 2, given to P's corners.
-      Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for
-      the corner with the largest bound: far from u (V <= tolerance D^2) the search takes the corner's bound as it is,
-      given to the 3x3 of u; nearer, every patch with such a corner is cut up (conemap__sights), given to the 3x3
-      of u, or to P's corners if it is P that is seen from v. What a search from u prunes is at most what the 3x3 of u
-      has already.
+      Q at u: step 3, given to the 3x3 texels around u, which hold the corners of all cells P at u. Else step 4, for the
+      point with the largest bound. If all corners are far from u (V <= tolerance D^2), the search takes the corner's as
+      it is, given to the 3x3 of u. Nearer patches have numbers (conemap__sights). A corner's number is for a pair of
+      vertices, whichever of them is the patch's, so it is given to the 3x3 of the lower one, be that u or P's corner;
+      the search has it where it takes a larger one. A point where a side is cut is given to the 3x3 of u, or to P's
+      corners if it is P that is seen from v. What a search from u prunes is at most what the 3x3 of u has already.
       With a cone for each cell, what was given to texels is given to P itself, or to the cells at u: a part of the 3x3.
    6. So every corner of P has 1 / t_i >= the slope bound of P, t(p) <= max t_i <= 1 / slope: the cone at p is empty.
       Storing sqrt(tan) or the radius interpolates to no more than that (Jensen; a weighted mean), rounding down to
@@ -3666,7 +3705,7 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
    7. Outside the outermost centres (CLAMP): projecting p and q onto the rectangle of centres keeps heights and t(p)
       and shortens |q - p|. The same projection lets an axis of one texel count as having length 0, and texels longer
       than 8:1 count as 8:1 (shorter distances, so narrower cones; it keeps the near field small).
-   8. Rounding. Absolute: dh is off by 2^-25, cutting a patch into pieces adds less than 6 times that, at most 4 times
+   8. Rounding. Absolute: dh is off by 2^-25, that of a point in between by less than 6 times that, at most 4 times
       over, and the shader's own height 2^-23: together less than d. Relative: coordinates, squares and quotient are off
       by less than 2^-18 in D^2 and dh^2,
       D^2 - V >= D^2 / 3 makes that 3 times as much, pruning adds 2^-20; half the sum in the tangent, below 2^-17, and
@@ -3677,7 +3716,9 @@ static float conemap__generate(const conemap_map *map, int i, int j) {
    2. becomes the steepest ascent in the sector's directions. Of a quadrant, with both axes turned to it, the positive
       parts of the largest h_x and h_y; in an octant, where that ascent leads out, it is the steeper one of the axis and
       the diagonal.
-   3. u's own cell in the quadrant is the only one; an octant has one of its two far edges.
+   3. u's own cell in the quadrant is the only one; an octant has one of its two far edges. They are taken exactly: on
+      an edge at distance c, (A + B y)^2 / (c^2 + y^2) <= A^2 / c^2 + B^2, reached at y = B c^2 / A; outside the edge,
+      or with A <= 0, its ends.
    4. as it is, for patches that are met: from a vertex a patch lies in one closed quadrant, on the diagonal in two
       octants. P seen from v is met if v - p is in the sector.
    5. A corner counts if a patch it belongs to may be met: in the quadrant, border included, and in an octant up to one
@@ -3750,74 +3791,130 @@ static int conemap__collect(const conemap_map *map, int sector, int j, int y0, i
 /* Along an axis, whole texels from a vertex to a cell whose lower corner is x texels away, ahead if not negative. */
 CONEMAP__INLINE int conemap__ahead(int x, int sign, int step) { return step == 0 ? 0 : sign > 0 ? x : -x - 1; }
 
-/* Step 5, near: the cells with a corner nearer than the root of near2, cut until step 4's bound is tight. A corner of
-   up to four pieces of the same V has one number for all. In a sector, those that a vertex sees (sign 1) or that see
-   the vertex (-1); the diagonal's are in both octants. */
-static void conemap__find_sights(const conemap__band *band, float near2, int sign, conemap__sights *sights) {
-    const conemap_info *info = &band->map->info;
-    double a = (double)band->a, b = (double)band->b;
-    int reach_u = a > 0.0 ? (int)(sqrtf(near2) / band->a) + 1 : 0,
-        reach_v = b > 0.0 ? (int)(sqrtf(near2) / band->b) + 1 : 0;
-    int x, y, i, j, used = 0;
-    memset(sights, 0, sizeof *sights);
-    sights->step_x = info->width > 1;
-    sights->step_y = info->height > 1;
-    for (i = 0; i <= CONEMAP__FINEST; ++i) sights->fraction[i] = (float)i / (float)CONEMAP__FINEST;
-    for (y = -reach_v - sights->step_y; y <= reach_v; ++y)
-        for (x = -reach_u - sights->step_x; x <= reach_u; ++x) {
-            double dx = a * (double)conemap__maxi(conemap__maxi(x, -x - sights->step_x), 0);
-            double dy = b * (double)conemap__maxi(conemap__maxi(y, -y - sights->step_y), 0), v = 0.25 * (a * a + b * b);
-            int columns = 1, rows = 1, su = sign * band->sector.su, sv = sign * band->sector.sv;
-            int ahead_u = conemap__ahead(x, su, sights->step_x), ahead_v = conemap__ahead(y, sv, sights->step_y);
-            if (su != 0 && (ahead_u < 0 || ahead_v < 0)) continue;
-            if (dx * dx + dy * dy == 0.0 || dx * dx + dy * dy >= (double)near2 * (1.0 + 1.0 / 16384.0)) continue;
-            while (v > (double)CONEMAP__TOLERANCE * (dx * dx + dy * dy)) {
-                if (a / columns >= b / rows)
-                    columns *= 2;
-                else
-                    rows *= 2;
-                v = 0.25 * (a * a / (columns * columns) + b * b / (rows * rows));
-            }
-            sights->x[sights->count] = x;
-            sights->y[sights->count] = y;
-            sights->follows[sights->count] = sights->count > 0 && sights->step_x &&
-                                             sights->x[sights->count - 1] == x - 1 &&
-                                             sights->y[sights->count - 1] == y;
-            sights->reach = conemap__maxi(sights->reach, conemap__maxi(x, -x) + sights->step_x);
-            sights->by_border[sights->count] = band->sector.major == 1   ? ahead_u < ahead_v
-                                               : band->sector.major == 2 ? ahead_v < ahead_u
-                                                                         : 0;
-            sights->columns[sights->count] = CONEMAP__FINEST / columns;
-            sights->rows[sights->count] = CONEMAP__FINEST / rows;
-            sights->first[sights->count] = used;
-            for (j = 0; j <= rows; ++j)
-                for (i = 0; i <= columns; ++i) {
-                    double px = a * ((double)x + (double)i / columns), py = b * ((double)y + (double)j / rows);
-                    float inverse = (float)(1.000001 / (double)sqrtf((float)(px * px + py * py - v)));
-                    sights->most[sights->count] = conemap__max(sights->most[sights->count], inverse * 1.00001f);
-                    sights->inverse[used++] = inverse;
-                }
-            ++sights->count;
-        }
+CONEMAP__INLINE float conemap__distance2(const conemap__band *band, int columns, int rows) {
+    float x = band->a * (float)columns, y = band->b * (float)rows;
+    return x * x + y * y;
 }
 
-/* The band's texels look up at cells, or its cells at vertices. */
-static void conemap__sights_rows(const conemap__band *band, const conemap__sights *sights, int of_cells) {
-    const conemap_map *map = band->map;
-    const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
-    int w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP, j, k, x, end, run;
-    for (j = band->y0; j < band->y1; ++j) {
-        float *plane = band->plane + (size_t)j * (size_t)w, *out = of_cells ? band->cell_slopes + (size_t)j * (size_t)w
-            : plane;
-        if (of_cells && !conemap__cell_exists(map, 0, j)) continue;
-        for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
-            rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, j + k);
-        conemap__columns(map, 0, j, &x, &end);
-        if (of_cells && !wraps) end = conemap__mini(end, conemap__maxi(w - 1, 1));
-        for (; (run = conemap__next_run(map, 0, &x, end, j, CONEMAP__SEARCH)) > 0; x += run)
-            conemap__kernels_of(map->isa)->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps,
-                                                      of_cells ? plane : NULL, x, run, out + x);
+/* How far around an edit all is searched anew: where conemap__find_sights looks from. */
+CONEMAP__INLINE int conemap__near_texels(float near2, float texel) {
+    return near2 > 0.0f && texel > 0.0f ? (int)(sqrtf(near2) / texel) + 1 : 0;
+}
+
+/* The square of 1 / cos of half the angle under which two points are seen. */
+CONEMAP__INLINE double conemap__spread2(double px, double py, double qx, double qy) {
+    double both = sqrt((px * px + py * py) * (qx * qx + qy * qy));
+    return 2.0 * both / (both + px * qx + py * qy);
+}
+
+/* Step 4: by how much a patch from y0 to y1 may be steeper than the ends of a piece of its side, x0 to x1, at y. */
+static double conemap__steeper2(double x0, double x1, double y, double y0, double y1) {
+    double x = sqrt(y0 * y1); /* there the lines across are seen under the largest angle */
+    x = x < x0 ? x0 : x > x1 ? x1 : x;
+    return conemap__spread2(x0, y, x1, y) * conemap__spread2(x, y0, x, y1);
+}
+
+/* Step 4's numbers for the cell x columns and y rows away, of which one is not 0: for two of its sides, cut until they
+   are tight if they face the vertex; others are. */
+static void conemap__number_cell(conemap__sights *sights, const conemap__band *band, int x, int y) {
+    int axis = y == 0, at = axis ? 0 : x, away = axis ? x : y, step = axis ? sights->step_y : sights->step_x;
+    double along = (double)(axis ? band->b : band->a), across = (double)(axis ? band->a : band->b);
+    double y0 = across * away, y1 = across * (away + 1);
+    int far, pieces, i, k;
+    for (far = 0; far < 2; ++far) {
+        double distance = far ? y1 : y0;
+        for (pieces = 1; at == 0 && pieces < CONEMAP__FINEST; pieces *= 2) {
+            for (i = 0; i < pieces; ++i)
+                if (conemap__steeper2(along * i / pieces, along * (i + 1) / pieces, distance, y0, y1) *
+                        (1.0 - (double)CONEMAP__TOLERANCE) > 1.0)
+                    break;
+            if (i == pieces) break;
+        }
+        for (i = 0; i < 2 * pieces; ++i) { /* both ends of each */
+            double x0 = along * (at + (double)(i / 2) / pieces), x1 = along * (at + (double)(i / 2 + 1) / pieces);
+            double end = i % 2 ? x1 : x0;
+            double steeper2 = conemap__steeper2(x0, x1, distance, y0, y1);
+            if (steeper2 < 1.05) steeper2 = 1.05; /* what nearly touches is hard to prove; square texels have more */
+            float number = (float)(sqrt(steeper2 / (end * end + distance * distance)) * 1.000001), *to;
+            k = (i + 1) / 2 * (CONEMAP__FINEST / pieces);
+            if (k % CONEMAP__FINEST != 0)
+                to = &sights->side[axis][away + far][k];
+            else if (axis)
+                to = &sights->vertex[k == 0 ? 0 : step][away + far];
+            else
+                to = &sights->vertex[away + far][at + (k == 0 ? 0 : step)];
+            *to = conemap__max(*to, number);
+        }
+        if (pieces == 1) continue;
+        sights->cut[axis][away + far] = conemap__mini(sights->cut[axis][away + far], CONEMAP__FINEST / pieces);
+        sights->sides[axis] = conemap__maxi(sights->sides[axis], away + far);
     }
+}
+
+/* Step 5, near: numbers for the cells with a corner nearer than the root of near2, and the vertices that have one. The
+   search has those beyond, by a larger number but for a few. */
+static void conemap__find_sights(const conemap__band *band, float near2, conemap__sights *sights) {
+    const conemap_info *info = &band->map->info;
+    float a = band->a, b = band->b, limit = near2 * (1.0f + 1.0f / 16384.0f);
+    int reach_u = conemap__near_texels(near2, a), reach_v = conemap__near_texels(near2, b), x, y, k;
+    memset(sights, 0, sizeof *sights);
+    sights->limit = limit;
+    sights->step_x = info->width > 1;
+    sights->step_y = info->height > 1;
+    sights->per_u = a > 0.0f ? 1.0f / a : 0.0f;
+    sights->per_v = b > 0.0f ? 1.0f / b : 0.0f;
+    for (k = 0; k <= CONEMAP__FINEST; ++k) sights->fraction[k] = (float)k / (float)CONEMAP__FINEST;
+    for (k = 0; k <= CONEMAP__SIGHT_REACH; ++k) sights->cut[0][k] = sights->cut[1][k] = CONEMAP__FINEST;
+    for (y = 0; y <= reach_v; ++y)
+        for (x = y == 0; x <= reach_u; ++x)
+            if (conemap__distance2(band, x, y) < limit) conemap__number_cell(sights, band, x, y);
+    for (y = 0; y <= reach_v + 1; ++y)
+        for (x = 0; x <= reach_u + 1; ++x) {
+            float number = sights->vertex[y][x], d2 = conemap__distance2(band, x, y);
+            if (!(number > 0.0f) || (d2 >= limit && number * number * (d2 - band->deflate) <= 1.0f)) continue;
+            sights->point_x[sights->points] = x;
+            sights->point_y[sights->points++] = y;
+            sights->reach_u = conemap__maxi(sights->reach_u, x);
+            sights->reach_v = conemap__maxi(sights->reach_v, y);
+        }
+    sights->reach_u = conemap__maxi(sights->reach_u, sights->sides[1] + 1); /* a cell's other side is seen, too */
+    sights->reach_v = conemap__maxi(sights->reach_v, sights->sides[0] + 1);
+}
+
+/* Those cells one by one: in a sector, those that a vertex sees (sign 1) or that see the vertex (-1); the diagonal's
+   are in both octants. */
+static void conemap__list_sights(const conemap__band *band, int sign, conemap__sights *sights) {
+    int reach = CONEMAP__SIGHT_REACH, step_x = sights->step_x, step_y = sights->step_y;
+    int su = sign * band->sector.su, sv = sign * band->sector.sv, x, y, c, n = 0;
+    for (y = -reach; y < reach; ++y)
+        for (x = -reach; x < reach; ++x) {
+            int columns = conemap__maxi(conemap__maxi(x, -x - step_x), 0); /* to the nearest corner */
+            int rows = conemap__maxi(conemap__maxi(y, -y - step_y), 0);
+            int ahead_u = conemap__ahead(x, su, step_x), ahead_v = conemap__ahead(y, sv, step_y);
+            if ((x != 0 && !step_x) || (y != 0 && !step_y) || columns + rows == 0) continue;
+            if (conemap__distance2(band, columns, rows) >= sights->limit) continue;
+            if (su != 0 && (ahead_u < 0 || ahead_v < 0)) continue;
+            sights->x[n] = x;
+            sights->y[n] = y;
+            sights->by_border[n] = band->sector.major == 1   ? ahead_u < ahead_v
+                                   : band->sector.major == 2 ? ahead_v < ahead_u
+                                                             : 0;
+            sights->axis[n] = rows == 0;
+            sights->away[n] = columns == 0 ? rows : rows == 0 ? columns : 0; /* 0: not cut */
+            sights->foot[n] = (x < 0) + 2 * (y < 0);
+            sights->most[n] = 0.0f;
+            for (c = 0; c < 4; ++c) {
+                int i = x + (c & 1) * step_x, j = y + (c >> 1) * step_y;
+                sights->corner[n][c] = sights->vertex[conemap__maxi(j, -j)][conemap__maxi(i, -i)];
+                sights->most[n] = conemap__max(sights->most[n], sights->corner[n][c]);
+            }
+            for (c = 0; c < 2 * CONEMAP__FINEST && sights->away[n] > 0; ++c)
+                sights->most[n] = conemap__max(sights->most[n], sights->side[sights->axis[n]]
+                                                                            [sights->away[n] + c % 2][c / 2]);
+            sights->most[n] *= 1.00001f;
+            ++n;
+        }
+    sights->count = n;
 }
 
 /* ---- relaxed cones that hold for the bilinear surface -----------------------------------------------------------
@@ -4441,20 +4538,20 @@ CONEMAP__INLINE float conemap__safe_margin(const conemap_map *map) {
     return map->info.texture.sectors > 1 ? 1.0f / 1024.0f : 1.0f / 65536.0f;
 }
 
-/* Own cells and own corners, in all directions. */
-static void conemap__safe_start(const conemap__band *band, float least) {
+/* What is near, in all directions. */
+static void conemap__safe_start(const conemap__band *band, const conemap__sights *sights, float least) {
     const conemap_map *map = band->map;
     const conemap__kernels *kernels = conemap__kernels_of(map->isa);
+    const float *rows[2 * CONEMAP__SIGHT_REACH + 1];
     int x, y, k, end, w = map->info.width, wraps = map->info.wrap_u == CONEMAP_WRAP;
     for (y = band->y0; y < band->y1; ++y) {
         size_t at = (size_t)y * (size_t)w;
-        const float *rows[3];
-        for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
+        for (k = -CONEMAP__SIGHT_REACH; k <= CONEMAP__SIGHT_REACH; ++k)
+            rows[CONEMAP__SIGHT_REACH + k] = conemap__row_of(map, map->heights, y + k);
         conemap__columns(map, 0, y, &x, &end);
         at += (size_t)x;
-        kernels->gradient_row(rows[1], rows[2] ? rows[2] : rows[1], w, wraps, band->a, band->b, x, end - x,
-                              band->cell_slopes + at);
-        kernels->corners_row(rows, w, wraps, band->a, band->b, least, x, end - x, band->plane + at);
+        kernels->sights_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps, least, x, end - x, band->plane + at);
+        kernels->sides_row(sights, rows + CONEMAP__SIGHT_REACH, w, wraps, x, end - x, band->cell_slopes + at);
     }
 }
 
@@ -4489,7 +4586,8 @@ static conemap_result conemap__part_band(const conemap__band *band, conemap__sea
     outlook.relaxed = search->relaxed;
     memset(band->plane + row, 0, bytes);
     memset(band->cell_slopes + row, 0, bytes);
-    conemap__find_sights(band, search->near2, 1, &sights);
+    conemap__find_sights(band, search->near2, &sights);
+    conemap__list_sights(band, 1, &sights);
     for (y = band->y0; y < band->y1; ++y) {
         conemap__columns(map, band->sector.number, y, &x, &end);
         for (; (run = conemap__next_run(map, band->sector.number, &x, end, y, CONEMAP__SEARCH)) > 0; x += run)
@@ -4505,7 +4603,7 @@ static conemap_result conemap__part_band(const conemap__band *band, conemap__sea
             if (x % 256 == 255 || x == w - 1)
                 result = conemap__report(map, CONEMAP__PASS_CONES, 0, (double)y + (double)(x + 1) / (double)w);
         }
-    conemap__find_sights(band, search->near2, -1, &sights);
+    conemap__list_sights(band, -1, &sights);
     for (y = band->y0; result == CONEMAP_OK && y < band->y1; ++y) conemap__cells_row(&outlook, band, y);
     return result;
 }
@@ -4514,7 +4612,6 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
     conemap__search search = conemap__make_search(map);
     conemap__sights sights;
-    conemap_result result;
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan
                                                                                           whole */
     search.deflate = band.deflate;
@@ -4524,13 +4621,9 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     search.relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
     if (search.relaxed) search.widen2 = 1.0f;
     if (band.sector.su != 0 || search.relaxed) return conemap__part_band(&band, &search, least);
-    conemap__find_sights(&band, search.near2, 1, &sights);
-    conemap__safe_start(&band, least);
-    result = conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
-    if (result != CONEMAP_OK) return result;
-    conemap__sights_rows(&band, &sights, 0); /* most of what is near has no say after the search */
-    conemap__sights_rows(&band, &sights, 1);
-    return result;
+    conemap__find_sights(&band, search.near2, &sights);
+    conemap__safe_start(&band, &sights, least);
+    return conemap__search_rows(map, &search, band.y0, band.y1, band.plane);
 }
 
 /* 1 / sqrt(s) as conemap__tangent, with the margin of step 8. */
@@ -5088,11 +5181,6 @@ static uint64_t conemap__replace_heights(conemap_map *map, const conemap__edit *
             change += conemap__height_hash(is, at);
         }
     return change;
-}
-
-/* How far around an edit all is searched anew: where conemap__find_sights looks from. */
-CONEMAP__INLINE int conemap__near_texels(float near2, float texel) {
-    return near2 > 0.0f && texel > 0.0f ? (int)(sqrtf(near2) / texel) + 1 : 0;
 }
 
 /* Memory for an edit beside what a build takes: the rectangle's new heights, a map of its size, marks and columns. */
@@ -17385,25 +17473,8 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(over)(CONEMAP__F rise, float length) 
     return length > 0.0f ? CONEMAP__DIV(rise, CONEMAP__F1(length)) : CONEMAP__F1(0.0f);
 }
 
-CONEMAP__FUNCTION void CONEMAP__KERNEL(gradient_row)(const float *above, const float *below, int width, int wraps,
-                                                     float a, float b, int first, int count, float *out) {
-    int x;
-    for (x = 0; x < count; x += CONEMAP__LANES) {
-        CONEMAP__F h00 = CONEMAP__KERNEL(load)(above + first + x, count - x);
-        CONEMAP__F h01 = CONEMAP__KERNEL(load)(below + first + x, count - x);
-        CONEMAP__F h10 = CONEMAP__KERNEL(beside)(above, first + x + 1, width, wraps, 1, 0.0f);
-        CONEMAP__F h11 = CONEMAP__KERNEL(beside)(below, first + x + 1, width, wraps, 1, 0.0f);
-        CONEMAP__F along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h10, h00), CONEMAP__SUB(h11, h01));
-        CONEMAP__F across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h01, h00), CONEMAP__SUB(h11, h10));
-        along = CONEMAP__KERNEL(over)(along, a);
-        across = CONEMAP__KERNEL(over)(across, b);
-        CONEMAP__KERNEL(store)(out + x, CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)),
-                               count - x);
-    }
-}
-
-/* Step 3 of the proof of safe cones: an edge of length l at distance c, its ends `first` (at the foot of the
-   perpendicular) and `last` above the eye. */
+/* Step 3 of the proof of safe cones, in sectors: an edge of length l at distance c, its ends `first` (at the foot of
+   the perpendicular) and `last` above the eye. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F last, float l, float c) {
     CONEMAP__F zero = CONEMAP__F1(0.0f), rise, foot, end;
     CONEMAP__M inside;
@@ -17417,136 +17488,61 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge)(CONEMAP__F first, CONEMAP__F la
     return CONEMAP__PICK(inside, CONEMAP__ADD(foot, CONEMAP__MUL(rise, rise)), CONEMAP__MAX(foot, end));
 }
 
-/* Step 3: a texel looks over its own cells. What is missing stands low, so it adds nothing. */
-CONEMAP__FUNCTION void CONEMAP__KERNEL(corners_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                    float least, int first, int count, float *out) {
-    int x, c, r;
-    for (x = 0; x < count; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least), along[2],
-            slope_x[2];
-        for (c = 0; c < 2; ++c) {
-            along[c] = CONEMAP__SUB(CONEMAP__KERNEL(beside)(rows[1], first + x + 2 * c - 1, width, wraps, 0, -1.0f),
-                                    apex);
-            slope_x[c] = CONEMAP__KERNEL(over)(CONEMAP__MAX(along[c], CONEMAP__F1(0.0f)), a);
-            slope_x[c] = CONEMAP__MUL(slope_x[c], slope_x[c]);
-            best = CONEMAP__MAX(best, slope_x[c]);
-        }
-        for (r = 0; r < 3; r += 2) {
-            CONEMAP__F across, slope_y;
-            if (!rows[r]) continue;
-            across = CONEMAP__SUB(CONEMAP__KERNEL(load)(rows[r] + first + x, count - x), apex);
-            slope_y = CONEMAP__KERNEL(over)(CONEMAP__MAX(across, CONEMAP__F1(0.0f)), b);
-            slope_y = CONEMAP__MUL(slope_y, slope_y);
-            for (c = 0; c < 2; ++c) {
-                CONEMAP__F opposite = CONEMAP__SUB(
-                    CONEMAP__KERNEL(beside)(rows[r], first + x + 2 * c - 1, width, wraps, 0, -1.0f), apex);
-                best = CONEMAP__MAX(best, CONEMAP__ADD(slope_x[c], slope_y));
-                best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(along[c], opposite, b, a));
-                best = CONEMAP__MAX(best, CONEMAP__KERNEL(edge)(across, opposite, a, b));
-            }
-        }
-        CONEMAP__KERNEL(store)(out + x, best, count - x);
-    }
+/* Between two corners, where a side is cut. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(between)(const conemap__sights *sights, int k, CONEMAP__F one,
+                                                    CONEMAP__F other) {
+    return CONEMAP__ADD(one, CONEMAP__MUL(CONEMAP__SUB(other, one), CONEMAP__F1(sights->fraction[k])));
 }
 
-/* Can a patch of such corners, above the eye, matter? With room for rounding. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_reach)(const conemap__sights *sights, int k, CONEMAP__F rise,
-                                                      CONEMAP__F best) {
-    rise = CONEMAP__MAX(CONEMAP__ADD(rise, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
-    rise = CONEMAP__MUL(rise, CONEMAP__F1(sights->most[k]));
-    return CONEMAP__LT(best, CONEMAP__MUL(rise, rise));
-}
-
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sights, int k, CONEMAP__F h00,
-                                                     CONEMAP__F h10, CONEMAP__F h01, CONEMAP__F h11,
-                                                     CONEMAP__F best) {
-    return CONEMAP__KERNEL(may_reach)(sights, k, CONEMAP__MAX(CONEMAP__MAX(h00, h10), CONEMAP__MAX(h01, h11)), best);
-}
-
-/* Step 4, cut into pieces: the bound of its slope. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(pieces)(const conemap__sights *sights, int k, CONEMAP__F h00, CONEMAP__F h10,
-                                                   CONEMAP__F h01, CONEMAP__F h11) {
-    const float *inverse = sights->inverse + sights->first[k];
-    CONEMAP__F seen = CONEMAP__F1(0.0f);
-    int i, j;
-    h10 = CONEMAP__SUB(h10, h00); /* the patch h00 + h10 x + h01 y + h11 x y */
-    h11 = CONEMAP__SUB(CONEMAP__SUB(h11, h01), h10);
-    h01 = CONEMAP__SUB(h01, h00);
-    for (j = 0; j <= CONEMAP__FINEST; j += sights->rows[k]) {
-        CONEMAP__F f = CONEMAP__F1(sights->fraction[j]);
-        CONEMAP__F rise = CONEMAP__ADD(h00, CONEMAP__MUL(h01, f)), across = CONEMAP__ADD(h10, CONEMAP__MUL(h11, f));
-        for (i = 0; i <= CONEMAP__FINEST; i += sights->columns[k]) {
-            f = CONEMAP__F1(sights->fraction[i]);
-            f = CONEMAP__MUL(CONEMAP__ADD(rise, CONEMAP__MUL(across, f)), CONEMAP__F1(*inverse++));
-            seen = CONEMAP__MAX(seen, f);
+/* Texels look at where sides are cut, along an axis, in both directions. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(look_at_sides)(const conemap__sights *sights, const float *const *rows,
+                                                          int axis, int at, CONEMAP__F apex, CONEMAP__F seen) {
+    int away, k, u = axis ? 0 : 1, v = axis ? 1 : 0; /* from the foot of a side to its end */
+    for (away = 1; away <= sights->sides[axis]; ++away) {
+        int step = sights->cut[axis][away], x = axis ? away : 0, y = axis ? 0 : away;
+        CONEMAP__F before = CONEMAP__LOADF(rows[-y] + at - x), after = CONEMAP__LOADF(rows[y] + at + x);
+        CONEMAP__F before_end = CONEMAP__MAX(CONEMAP__LOADF(rows[-y - v] + at - x - u),
+                                             CONEMAP__LOADF(rows[-y + v] + at - x + u));
+        CONEMAP__F after_end = CONEMAP__MAX(CONEMAP__LOADF(rows[y - v] + at + x - u),
+                                            CONEMAP__LOADF(rows[y + v] + at + x + u));
+        for (k = step; k < CONEMAP__FINEST; k += step) {
+            CONEMAP__F highest = CONEMAP__MAX(CONEMAP__KERNEL(between)(sights, k, before, before_end),
+                                              CONEMAP__KERNEL(between)(sights, k, after, after_end));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex),
+                                                   CONEMAP__F1(sights->side[axis][away][k])));
         }
     }
     return seen;
 }
 
-/* The heights of two rows' cells' left corners, the higher or the lower ones. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(edge_height)(const float *upper, const float *lower, int lowest) {
-    CONEMAP__F a = CONEMAP__LOADF(upper), b = CONEMAP__LOADF(lower);
-    return lowest ? CONEMAP__MIN(a, b) : CONEMAP__MAX(a, b);
-}
-
+/* Texels look over their own cells and at those near them. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights, const float *const *rows, int width,
-                                                   int wraps, const float *known, int first, int count, float *out) {
-    const float missing = -1.0e30f;
-    int x, k, of_cells = known != NULL, step = sights->step_x;
+                                                   int wraps, float least, int first, int count, float *out) {
+    conemap__surroundings copy;
+    int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
-        int at = first + x, inside = at >= sights->reach && at + CONEMAP__LANES + sights->reach <= width;
-        CONEMAP__F best = CONEMAP__KERNEL(load)(out + x, count - x), sign = CONEMAP__F1(of_cells ? -1.0f : 1.0f);
-        CONEMAP__F eye_height = sign, lowest = sign, edge = sign;
-        if (of_cells) { /* what its corners have is all the same as a cell's own */
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at, width, wraps, 1, 0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(known, at + step, width, wraps, 1, 0.0f));
-            if (inside && rows[sights->step_y])
-                lowest = CONEMAP__MIN(
-                    CONEMAP__KERNEL(edge_height)(rows[0] + at, rows[sights->step_y] + at, 1),
-                    CONEMAP__KERNEL(edge_height)(rows[0] + at + step, rows[sights->step_y] + at + step, 1));
-        } else {
-            eye_height = CONEMAP__KERNEL(load)(rows[0] + at, count - x);
+        int at = first + x;
+        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        CONEMAP__F apex = CONEMAP__LOADF(around[0] + at), seen = CONEMAP__F1(0.0f), along, across;
+        along = CONEMAP__MAX(CONEMAP__LOADF(around[0] + at - 1), CONEMAP__LOADF(around[0] + at + 1));
+        across = CONEMAP__MAX(CONEMAP__LOADF(around[-1] + at), CONEMAP__LOADF(around[1] + at));
+        along = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(along, apex), seen), CONEMAP__F1(sights->per_u));
+        across = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__SUB(across, apex), seen), CONEMAP__F1(sights->per_v));
+        for (k = 0; k < sights->points; ++k) {
+            int u = sights->point_x[k], v = sights->point_y[k];
+            CONEMAP__F highest = CONEMAP__LOADF(around[v] + at + u);
+            if (u) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[v] + at - u));
+            if (v) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[-v] + at + u));
+            if (u && v) highest = CONEMAP__MAX(highest, CONEMAP__LOADF(around[-v] + at - u));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(highest, apex), CONEMAP__F1(sights->vertex[v][u])));
         }
-        for (k = 0; k < sights->count; ++k) {
-            int left = at + (of_cells ? 0 : sights->x[k]);
-            int top = of_cells ? 0 : sights->y[k], eye = at - (of_cells ? sights->x[k] : 0);
-            const float *upper = rows[top], *lower = rows[top + sights->step_y],
-                *eyes = rows[of_cells ? -sights->y[k] : 0];
-            CONEMAP__F apex, h00, h10, h01, h11, least, seen;
-            if (!upper || !lower || !eyes) continue;
-            if (inside) { /* most cells are too low; neighbours share an edge */
-                if (of_cells) {
-                    seen = CONEMAP__SUB(CONEMAP__LOADF(eyes + eye), lowest);
-                } else {
-                    seen = sights->follows[k] ? edge : CONEMAP__KERNEL(edge_height)(upper + left, lower + left, 0);
-                    edge = CONEMAP__KERNEL(edge_height)(upper + left + step, lower + left + step, 0);
-                    seen = CONEMAP__SUB(CONEMAP__MAX(seen, edge), eye_height);
-                }
-                if (!CONEMAP__ANY(CONEMAP__KERNEL(may_reach)(sights, k, seen, best))) continue;
-            }
-            apex = CONEMAP__KERNEL(beside)(eyes, eye, width, wraps, 0, missing);
-            h00 = CONEMAP__KERNEL(beside)(upper, left, width, wraps, 0, missing);
-            h10 = CONEMAP__KERNEL(beside)(upper, left + step, width, wraps, 0, missing);
-            h01 = CONEMAP__KERNEL(beside)(lower, left, width, wraps, 0, missing);
-            h11 = CONEMAP__KERNEL(beside)(lower, left + step, width, wraps, 0, missing);
-            least = CONEMAP__MIN(CONEMAP__MIN(h00, h10), CONEMAP__MIN(h01, h11));
-            h00 = CONEMAP__MUL(CONEMAP__SUB(h00, apex), sign);
-            h10 = CONEMAP__MUL(CONEMAP__SUB(h10, apex), sign);
-            h01 = CONEMAP__MUL(CONEMAP__SUB(h01, apex), sign);
-            h11 = CONEMAP__MUL(CONEMAP__SUB(h11, apex), sign);
-            if (!inside && !CONEMAP__ANY(CONEMAP__AND(CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best),
-                                                      CONEMAP__LT(CONEMAP__F1(0.5f * missing), least))))
-                continue;
-            seen = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
-            seen = CONEMAP__PICK(CONEMAP__LT(CONEMAP__F1(0.5f * missing), least), seen, CONEMAP__F1(0.0f));
-            best = CONEMAP__MAX(best, CONEMAP__MUL(seen, seen));
-        }
-        CONEMAP__KERNEL(store)(out + x, best, count - x);
+        seen = CONEMAP__KERNEL(look_at_sides)(sights, around, 0, at, apex, seen);
+        seen = CONEMAP__KERNEL(look_at_sides)(sights, around, 1, at, apex, seen);
+        seen = CONEMAP__MAX(CONEMAP__MUL(seen, seen),
+                            CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
+        CONEMAP__KERNEL(store)(out + x, CONEMAP__MAX(seen, CONEMAP__F1(least)), count - x);
     }
 }
-
-/* ---- relaxed cones and sectors, near: see S A F E   C O N E S --------------------------------------------------- */
 
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(none)(void) {
     return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
@@ -17560,6 +17556,90 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beyond)(int x, int low, int high) {
     for (t = 0; t < CONEMAP__LANES; ++t) lanes[t] = x + t < low || x + t > high ? 1.0f : 0.0f;
     return CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__LOADF(lanes));
 }
+
+/* Sides from `one`, at columns x and on of row y, to `other`, as vertices see them that stand opposite their ends, from
+   `nearest` on. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(side_seen)(const conemap__sights *sights, const float *const *rows, int axis,
+                                                      int x, int y, CONEMAP__F one, CONEMAP__F other, int sign,
+                                                      int nearest, CONEMAP__F seen) {
+    int away, k;
+    for (away = nearest; away <= sights->sides[axis]; ++away) {
+        const float *numbers = sights->side[axis][away];
+        int step = sights->cut[axis][away], u = axis ? x + sign * away : x, v = axis ? y : y + sign * away;
+        CONEMAP__F by_one = CONEMAP__LOADF(rows[v] + u);
+        CONEMAP__F by_other = CONEMAP__LOADF(rows[axis ? v + sights->step_y : v] + (axis ? u : u + sights->step_x));
+        for (k = step; k < CONEMAP__FINEST; k += step) {
+            CONEMAP__F point = CONEMAP__KERNEL(between)(sights, k, one, other);
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(by_one, point), CONEMAP__F1(numbers[k])));
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(CONEMAP__SUB(by_other, point),
+                                                   CONEMAP__F1(numbers[CONEMAP__FINEST - k])));
+        }
+    }
+    return seen;
+}
+
+/* Cells are seen from within and, at their sides, by vertices around them. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(sides_row)(const conemap__sights *sights, const float *const *rows, int width,
+                                                  int wraps, int first, int count, float *out) {
+    conemap__surroundings copy;
+    int x, k, sign, below = sights->step_y, farthest = conemap__maxi(sights->sides[0], sights->sides[1]);
+    if (!rows[below]) { /* no cells, and so below */
+        memset(out, 0, (size_t)count * sizeof(float));
+        return;
+    }
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        int at = first + x, next;
+        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        CONEMAP__F h[4], along, across, seen = CONEMAP__F1(0.0f);
+        next = at + sights->step_x;
+        for (k = 0; k < 4; ++k) h[k] = CONEMAP__LOADF(around[k & 2 ? below : 0] + (k & 1 ? next : at));
+        along = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h[1], h[0]), CONEMAP__SUB(h[3], h[2]));
+        across = CONEMAP__KERNEL(larger)(CONEMAP__SUB(h[2], h[0]), CONEMAP__SUB(h[3], h[1]));
+        along = CONEMAP__MUL(along, CONEMAP__F1(sights->per_u));
+        across = CONEMAP__MUL(across, CONEMAP__F1(sights->per_v));
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, 0, h[0], h[1], -1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, below, h[2], h[3], 1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, at, 0, h[0], h[2], -1, 1, seen);
+        seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, next, 0, h[1], h[3], 1, 1, seen);
+        for (sign = 1; sign >= -1 && farthest > 1; sign -= 2) { /* from the cell's other side */
+            int u = sign > 0 ? at : next, v = sign > 0 ? 0 : below, c = sign > 0 ? 0 : 3;
+            seen = CONEMAP__KERNEL(side_seen)(sights, around, 0, at, v, h[c & 2], h[c | 1], sign, 2, seen);
+            seen = CONEMAP__KERNEL(side_seen)(sights, around, 1, u, 0, h[c & 1], h[c | 2], sign, 2, seen);
+        }
+        seen = CONEMAP__MAX(CONEMAP__MUL(seen, seen),
+                            CONEMAP__ADD(CONEMAP__MUL(along, along), CONEMAP__MUL(across, across)));
+        if (!wraps && sights->step_x)
+            seen = CONEMAP__PICK(CONEMAP__KERNEL(beyond)(first + x, 0, width - 2), CONEMAP__F1(0.0f), seen);
+        CONEMAP__KERNEL(store)(out + x, seen, count - x);
+    }
+}
+
+/* Can a patch of such corners, above the eye, matter? With room for rounding. */
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sights, int k, const CONEMAP__F *rise,
+                                                     CONEMAP__F best) {
+    CONEMAP__F highest = CONEMAP__MAX(CONEMAP__MAX(rise[0], rise[1]), CONEMAP__MAX(rise[2], rise[3]));
+    highest = CONEMAP__MAX(CONEMAP__ADD(highest, CONEMAP__F1(1.0f / 2097152.0f)), CONEMAP__F1(0.0f));
+    highest = CONEMAP__MUL(highest, CONEMAP__F1(sights->most[k]));
+    return CONEMAP__LT(best, CONEMAP__MUL(highest, highest));
+}
+
+/* Step 4: the bound of its slope, squared. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(patch)(const conemap__sights *sights, int k, const CONEMAP__F *rise) {
+    CONEMAP__F seen = CONEMAP__F1(0.0f);
+    int axis = sights->axis[k], along = 1 << axis, foot = sights->foot[k], far, c;
+    for (c = 0; c < 4; ++c) seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise[c], CONEMAP__F1(sights->corner[k][c])));
+    for (far = 0; sights->away[k] > 0 && far < 2; ++far) {
+        int away = sights->away[k] + far, step = sights->cut[axis][away];
+        for (c = step; c < CONEMAP__FINEST; c += step) {
+            CONEMAP__F point = CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ along]);
+            seen = CONEMAP__MAX(seen, CONEMAP__MUL(point, CONEMAP__F1(sights->side[axis][away][c])));
+        }
+        foot ^= 3 - along; /* of the opposite side */
+    }
+    return CONEMAP__MUL(seen, seen);
+}
+
+/* ---- relaxed cones and sectors, near: see S A F E   C O N E S --------------------------------------------------- */
 
 /* Of texels low..high, low + 1..high + 1 .. of columns, and those of rows, which are by a border. */
 CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(by_border)(const conemap_info *info, int low_i, int high_i, int low_j,
@@ -17714,15 +17794,13 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(vertices_row)(const conemap__outlook *out
             best = CONEMAP__MAX(best, CONEMAP__KERNEL(own_corner)(outlook, apex, u, j, k & 1 ? 1 : -1, k & 2 ? 1 : -1));
         for (k = 0; k < sights->count; ++k) {
             int cell_i = u + sights->x[k], cell_j = j + sights->y[k];
-            CONEMAP__F h[4], h00, h10, h01, h11;
+            CONEMAP__F h[4], rise[4];
             CONEMAP__M open;
+            int c;
             if (info->wrap_v != CONEMAP_WRAP && (cell_j < -1 || cell_j >= info->height)) continue;
             CONEMAP__KERNEL(corners)(outlook, cell_i, cell_j, h);
-            h00 = CONEMAP__SUB(h[0], apex);
-            h10 = CONEMAP__SUB(h[1], apex);
-            h01 = CONEMAP__SUB(h[2], apex);
-            h11 = CONEMAP__SUB(h[3], apex);
-            open = CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best);
+            for (c = 0; c < 4; ++c) rise[c] = CONEMAP__SUB(h[c], apex);
+            open = CONEMAP__KERNEL(may_rise)(sights, k, rise, best);
             if (!CONEMAP__ANY(open)) continue;
             if (info->wrap_u != CONEMAP_WRAP) open = CONEMAP__ANDNOT(open, CONEMAP__KERNEL(beyond)(cell_i, -1, w - 1));
             if (sights->by_border[k])
@@ -17731,8 +17809,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(vertices_row)(const conemap__outlook *out
                 open = CONEMAP__AND(open, CONEMAP__KERNEL(limits)(outlook, h, cell_i, cell_j, sights->x[k],
                                                                   sights->y[k], 2));
             if (!CONEMAP__ANY(open)) continue;
-            h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
-            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
+            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__KERNEL(patch)(sights, k, rise)), best);
         }
         CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
@@ -17765,23 +17842,20 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(cells_row)(const conemap__outlook *outloo
         CONEMAP__KERNEL(corners)(outlook, i, j, h);
         for (k = 0; k < sights->count; ++k) {
             int u = i - sights->x[k], v = j - sights->y[k];
-            CONEMAP__F apex, h00, h10, h01, h11;
+            CONEMAP__F apex, rise[4];
             CONEMAP__M open;
+            int c;
             if (info->wrap_v != CONEMAP_WRAP && (v < 0 || v >= info->height)) continue;
             apex = CONEMAP__KERNEL(beside)(conemap__level_row(outlook->map, v), u, w, wraps, 1, 0.0f);
-            h00 = CONEMAP__SUB(apex, h[0]);
-            h10 = CONEMAP__SUB(apex, h[1]);
-            h01 = CONEMAP__SUB(apex, h[2]);
-            h11 = CONEMAP__SUB(apex, h[3]);
-            open = CONEMAP__KERNEL(may_rise)(sights, k, h00, h10, h01, h11, best);
+            for (c = 0; c < 4; ++c) rise[c] = CONEMAP__SUB(apex, h[c]);
+            open = CONEMAP__KERNEL(may_rise)(sights, k, rise, best);
             if (!CONEMAP__ANY(open)) continue;
             if (!wraps) open = CONEMAP__ANDNOT(open, CONEMAP__KERNEL(beyond)(u, 0, w - 1));
             if (sights->by_border[k]) open = CONEMAP__AND(open, CONEMAP__KERNEL(pair_by_border)(outlook, i, j, u, v));
             if (outlook->relaxed && CONEMAP__ANY(open))
                 open = CONEMAP__AND(open, CONEMAP__KERNEL(falls_at)(outlook, i, j, u, v));
             if (!CONEMAP__ANY(open)) continue;
-            h00 = CONEMAP__KERNEL(pieces)(sights, k, h00, h10, h01, h11);
-            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__MUL(h00, h00)), best);
+            best = CONEMAP__PICK(open, CONEMAP__MAX(best, CONEMAP__KERNEL(patch)(sights, k, rise)), best);
         }
         CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
@@ -17792,8 +17866,12 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(steepest_row)(const float *const *rows, c
     int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         CONEMAP__F best = CONEMAP__F1(0.0f);
-        for (k = 0; k < n; ++k)
-            best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], first + x + columns[k], width, wraps, 1, 0.0f));
+        int at = first + x;
+        if (at > 0 && at + CONEMAP__LANES < width)
+            for (k = 0; k < n; ++k) best = CONEMAP__MAX(best, CONEMAP__LOADF(rows[k] + at + columns[k]));
+        else
+            for (k = 0; k < n; ++k)
+                best = CONEMAP__MAX(best, CONEMAP__KERNEL(beside)(rows[k], at + columns[k], width, wraps, 1, 0.0f));
         CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
