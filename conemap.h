@@ -18765,6 +18765,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     for (k = 0; k < CONEMAP__DLANES; ++k) {
         rays->number[k] = stream->next + conemap__mini(k, lanes - 1);
         index[k] = conemap__mini(k, lanes - 1) * stream->pitch;
+        if (stream->hits) CONEMAP__PREFETCH(&stream->hits[rays->number[k]]); /* to be written once they have flown */
     }
     f->waiting_next = 0;
     f->waiting_count = lanes;
