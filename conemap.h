@@ -1702,8 +1702,10 @@ CONEMAP_API conemap_result conemap_skeleton_shade(const conemap_skeleton *skelet
 
 #if defined(__GNUC__) || defined(__clang__)
 #define CONEMAP__PREFETCH(address) __builtin_prefetch(address)
+#define CONEMAP__TRAILING_ZEROS(bits) __builtin_ctz((unsigned)(bits))
 #else
 #define CONEMAP__PREFETCH(address) ((void)(address))
+#define CONEMAP__TRAILING_ZEROS(bits) conemap__count_bits(((bits) & -(bits)) - 1)
 #endif
 
 #ifdef CONEMAP_STATIC
@@ -1887,11 +1889,6 @@ CONEMAP__INLINE int conemap__count_bits(int bits) {
     bits = (bits & 0x3333) + (bits >> 2 & 0x3333);
     bits = (bits + (bits >> 4)) & 0x0f0f;
     return (bits + (bits >> 8)) & 31;
-}
-
-/* The number of the lowest bit that is set. */
-CONEMAP__INLINE int conemap__lowest_bit(int bits) {
-    return conemap__count_bits((bits & -bits) - 1);
 }
 
 /* Any alignment. */
@@ -2427,8 +2424,8 @@ typedef struct conemap__way { /* along an axis, mirrored so that it is never flo
     double per_v[CONEMAP__BLOCK];   /* 1 / v, 0 if it stands */
 } conemap__way;
 
-/* The same in floats: `behind` is p less the error e of a position, `late` is border and 2 e per_v, `early` is 4 e
-   per_v. */
+/* The same in floats: `behind` is p less the error e of a position, `late` is when it comes to the border of cell 0 and
+   2 e per_v, `early` is 4 e per_v. */
 typedef struct conemap__fast_way {
     float behind[CONEMAP__BLOCK], v[CONEMAP__BLOCK], per_v[CONEMAP__BLOCK], late[CONEMAP__BLOCK], early[CONEMAP__BLOCK];
     float sign[CONEMAP__BLOCK];     /* -1 where mirrored */
@@ -17001,6 +16998,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__INLINE
 #undef CONEMAP__UNUSED
 #undef CONEMAP__PREFETCH
+#undef CONEMAP__TRAILING_ZEROS
 #undef CONEMAP__FAR
 #undef CONEMAP__HASH_START
 #undef CONEMAP__STRIP_LEVELS
@@ -18616,8 +18614,6 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, rays->corner[3] + at);
     CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
     CONEMAP__D y = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, t), j));
-    CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
-    CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
     CONEMAP__D hx = CONEMAP__SUBD(h10, h00), hy = CONEMAP__SUBD(h01, h00);
     CONEMAP__D hxy = CONEMAP__SUBD(CONEMAP__SUBD(h11, h01), hx);
     CONEMAP__D z = CONEMAP__PICKD(CONEMAP__LED(t_end, t), CONEMAP__LOADD(rays->z_end + at),
@@ -18641,15 +18637,18 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__W has_zero = CONEMAP__ANDW(CONEMAP__LED(zero, discriminant), CONEMAP__LTD(zero, over));
     CONEMAP__D first = CONEMAP__DIVD(CONEMAP__PICKD(sinks, c, CONEMAP__SUBD(zero, q)),
                                      CONEMAP__PICKD(has_zero, over, one));
-    CONEMAP__D way = CONEMAP__SUBD(end, t), low, high;
+    CONEMAP__D way = CONEMAP__SUBD(end, t);
     CONEMAP__W meets, inside, ends = CONEMAP__LED(t_end, leave), close;
     meets = CONEMAP__ANDW(has_zero, CONEMAP__LED(first, way));
-    /* On the ray's end the height is exact, which the quadratic's is not. */
-    low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
-    high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
-    low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
     first = CONEMAP__PICKD(meets, first, way);
-    meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    if (CONEMAP__BITSW(ends)) { /* on the ray's end the height is exact, which the quadratic's is not */
+        CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
+        CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
+        CONEMAP__D low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
+        CONEMAP__D high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
+        low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
+        meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    }
     inside = CONEMAP__LED(c, zero);
     first = CONEMAP__PICKD(inside, zero, first);
     /* A flight that ends beyond the cell was over all of it, by 2^-20 at least: it is not taken for one inside. */
@@ -18894,9 +18893,9 @@ CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_o
     int arrived = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(1.5f), state));
     int empty = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(3.5f), state)), aboard = CONEMAP__LANES, lanes;
     for (lanes = arrived & ~empty; lanes; lanes &= lanes - 1)
-        conemap__land(&f->stream, rays, at + conemap__lowest_bit(lanes));
+        conemap__land(&f->stream, rays, at + CONEMAP__TRAILING_ZEROS(lanes));
     for (lanes = arrived; lanes; lanes &= lanes - 1) {
-        int k = at + conemap__lowest_bit(lanes);
+        int k = at + CONEMAP__TRAILING_ZEROS(lanes);
         if (f->waiting_next == f->waiting_count && f->stream.next < f->stream.count) CONEMAP__KERNEL(board)(f);
         if (f->waiting_next < f->waiting_count) {
             conemap__move(f->waiting, f->waiting_next++, rays, k);
