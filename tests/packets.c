@@ -451,7 +451,7 @@ static void odd_rays(void)
             ray->origin[c] = k / ODD == c ? value : 0.5f;
             ray->direction[c] = k / ODD == 3 + c ? value : 0.0f;
         }
-        if (k / ODD != 5 && k % 2) ray->direction[2] = -1.0f; /* else there may be no direction */
+        if (k / ODD != 5 && k / ODD != 4) ray->direction[2] = -1.0f; /* else there may be no direction */
         ray->t_min = k / ODD == 6 ? value : 0.25f;
         ray->t_max = k / ODD == 7 ? value : 0.0f;
     }
