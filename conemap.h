@@ -2449,8 +2449,6 @@ typedef struct conemap__block_of_rays {
     /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
     double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
     int32_t number[CONEMAP__BLOCK];
-    float fill[6 * CONEMAP__BLOCK]; /* blocks are no multiple of 4096 bytes apart, which processors take for the same
-                                       place */
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
