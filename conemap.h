@@ -1716,8 +1716,10 @@ CONEMAP_API conemap_result conemap_skeleton_shade(const conemap_skeleton *skelet
 
 #if defined(__GNUC__) || defined(__clang__)
 #define CONEMAP__PREFETCH(address) __builtin_prefetch(address)
+#define CONEMAP__TRAILING_ZEROS(bits) __builtin_ctz((unsigned)(bits))
 #else
 #define CONEMAP__PREFETCH(address) ((void)(address))
+#define CONEMAP__TRAILING_ZEROS(bits) conemap__count_bits(((bits) & -(bits)) - 1)
 #endif
 
 #ifdef CONEMAP_STATIC
@@ -2468,11 +2470,11 @@ CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
 #define CONEMAP__BLOCK 16
 typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
     double p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
-    double per_v[CONEMAP__BLOCK], border[CONEMAP__BLOCK]; /* it comes to cell c at c per_v + border */
+    double per_v[CONEMAP__BLOCK];   /* 1 / v, 0 if it stands */
 } conemap__way;
 
-/* The same in floats: `behind` is p less the error e of a position, `late` is border and 2 e per_v, `early` is 4 e
-   per_v. */
+/* The same in floats: `behind` is p less the error e of a position, `late` is when it comes to the border of cell 0 and
+   2 e per_v, `early` is 4 e per_v. */
 typedef struct conemap__fast_way {
     float behind[CONEMAP__BLOCK], v[CONEMAP__BLOCK], per_v[CONEMAP__BLOCK], late[CONEMAP__BLOCK], early[CONEMAP__BLOCK];
     float sign[CONEMAP__BLOCK];     /* -1 where mirrored */
@@ -2483,21 +2485,19 @@ typedef struct conemap__block_of_rays {
     float now[CONEMAP__BLOCK], steps[CONEMAP__BLOCK];
     float cell[2][CONEMAP__BLOCK];
     int32_t record[CONEMAP__BLOCK]; /* number of its cell in the table */
-    float end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK]; /* end is late, z low */
+    float end[CONEMAP__BLOCK], z[CONEMAP__BLOCK], vz[CONEMAP__BLOCK]; /* end is late, z low, vz exact */
     float sink[CONEMAP__BLOCK];     /* time to sink by 1; huge if it does not */
     float major[CONEMAP__BLOCK], per_major[CONEMAP__BLOCK]; /* speed along the faster axis; its inverse */
     float reach[CONEMAP__BLOCK];    /* 1 + 8 e */
     conemap__fast_way fast[2];
     /* for the patches */
     double t[CONEMAP__BLOCK];       /* where it was met */
-    double t_end[CONEMAP__BLOCK], z_exact[CONEMAP__BLOCK], vz_exact[CONEMAP__BLOCK], z_end[CONEMAP__BLOCK];
+    double t_end[CONEMAP__BLOCK], z_exact[CONEMAP__BLOCK], z_end[CONEMAP__BLOCK];
     conemap__way way[2];
     int32_t corner[4][CONEMAP__BLOCK]; /* indices of its cell's texels, once it is close */
     /* the way back to the caller: as in conemap__walk; which of the stream's rays it is */
     double t_start[CONEMAP__BLOCK], t_gone[CONEMAP__BLOCK], t_scale[CONEMAP__BLOCK], end_status[CONEMAP__BLOCK];
-    double number[CONEMAP__BLOCK];
-    float fill[6 * CONEMAP__BLOCK]; /* blocks are no multiple of 4096 bytes apart, which processors take for the same
-                                       place */
+    int32_t number[CONEMAP__BLOCK];
 } conemap__block_of_rays;
 
 typedef struct conemap__flight_axis {
@@ -2511,11 +2511,11 @@ typedef struct conemap__flight_axis {
     double before, after;           /* the texels that stand beyond the first and the last */
 } conemap__flight_axis;
 
-/* Rays and hits as they come: as structs, or else as arrays. */
+/* Rays and hits as they come. */
 typedef struct conemap__stream {
-    const conemap_ray *rays;
-    conemap_hit *hits;
-    const conemap_ray_arrays *ray_arrays;
+    conemap_ray_arrays rays;
+    int pitch;              /* floats from a ray to the next */
+    conemap_hit *hits;      /* null: hit_arrays */
     const conemap_hit_arrays *hit_arrays;
     int count, next;        /* the next ray to board */
     conemap_result result;
@@ -2558,12 +2558,7 @@ CONEMAP__INLINE conemap_result conemap__check_ray(const conemap_ray *ray) {
     return CONEMAP_OK;
 }
 
-CONEMAP__INLINE void conemap__stream_hit(const conemap__stream *stream, int k, const conemap_hit *hit) {
-    const conemap_hit_arrays *arrays = stream->hit_arrays;
-    if (stream->hits) {
-        stream->hits[k] = *hit;
-        return;
-    }
+CONEMAP__INLINE void conemap__hit_to_arrays(const conemap_hit_arrays *arrays, int k, const conemap_hit *hit) {
     if (arrays->status) arrays->status[k] = (unsigned char)hit->status;
     if (arrays->inside) arrays->inside[k] = (unsigned char)hit->inside;
     if (arrays->t) arrays->t[k] = hit->t;
@@ -2572,51 +2567,39 @@ CONEMAP__INLINE void conemap__stream_hit(const conemap__stream *stream, int k, c
     if (arrays->z) arrays->z[k] = hit->z;
 }
 
-/* The stream's next ray; an invalid one is answered. */
-CONEMAP__INLINE conemap_result conemap__stream_ray(conemap__stream *stream, conemap_ray *ray) {
-    const conemap_ray_arrays *arrays = stream->ray_arrays;
-    conemap_result result;
-    int c, k = stream->next++;
-    if (stream->rays) {
-        *ray = stream->rays[k];
-    } else {
-        for (c = 0; c < 3; ++c) {
-            ray->origin[c] = arrays->origin[c][k];
-            ray->direction[c] = arrays->direction[c][k];
-        }
-        ray->t_min = arrays->t_min ? arrays->t_min[k] : 0.0f;
-        ray->t_max = arrays->t_max ? arrays->t_max[k] : 0.0f;
+CONEMAP__INLINE conemap_ray conemap__stream_ray(const conemap__stream *stream, int k) {
+    size_t at = (size_t)k * (size_t)stream->pitch;
+    conemap_ray ray;
+    int c;
+    for (c = 0; c < 3; ++c) {
+        ray.origin[c] = stream->rays.origin[c][at];
+        ray.direction[c] = stream->rays.direction[c][at];
     }
-    result = conemap__check_ray(ray);
-    if (result != CONEMAP_OK) {
-        conemap_hit hit;
-        memset(&hit, 0, sizeof hit);
-        hit.status = CONEMAP_INVALID;
-        conemap__stream_hit(stream, k, &hit);
-        if (stream->result == CONEMAP_OK) stream->result = result;
-    }
-    return result;
+    ray.t_min = stream->rays.t_min ? stream->rays.t_min[at] : 0.0f;
+    ray.t_max = stream->rays.t_max ? stream->rays.t_max[at] : 0.0f;
+    return ray;
 }
 
-/* Answers a ray that has met the surface or is gone, as conemap__finish and conemap__miss. */
-CONEMAP__INLINE void conemap__land(conemap__stream *stream, const conemap__block_of_rays *rays, int slot) {
-    int met = rays->state[slot] == CONEMAP__MET, number = (int)rays->number[slot], c;
-    double along = (met ? rays->t_start[slot] + rays->t[slot] : rays->t_gone[slot]) * rays->t_scale[slot], place[3];
-    conemap_hit hit;
-    for (c = 0; c < 3; ++c)
-        place[c] = stream->rays ? (double)stream->rays[number].origin[c] +
-                                      along * (double)stream->rays[number].direction[c]
-                                : (double)stream->ray_arrays->origin[c][number] +
-                                      along * (double)stream->ray_arrays->direction[c][number];
-    hit.status = met ? CONEMAP_HIT : (conemap_status)(int)rays->end_status[slot];
-    hit.inside = met && rays->t[slot] <= 0.0;
-    hit.t = hit.t_before = hit.t_after = (float)along;
-    hit.u = (float)place[0];
-    hit.v = (float)place[1];
-    hit.z = (float)place[2];
-    hit.steps = (int)rays->steps[slot];
-    hit.fallback = 0;
-    conemap__stream_hit(stream, number, &hit);
+/* Answers a ray that has met the surface, is gone or was invalid, as conemap__finish and conemap__miss. */
+CONEMAP__INLINE void conemap__land(const conemap__stream *stream, const conemap__block_of_rays *rays, int slot) {
+    int met = rays->state[slot] == CONEMAP__MET, number = rays->number[slot];
+    size_t at = (size_t)number * (size_t)stream->pitch;
+    double along = (met ? rays->t_start[slot] + rays->t[slot] : rays->t_gone[slot]) * rays->t_scale[slot];
+    conemap_hit own, *hit = stream->hits ? &stream->hits[number] : &own;
+    hit->status = met ? CONEMAP_HIT : (conemap_status)(int)rays->end_status[slot];
+    if (hit->status == CONEMAP_INVALID) {
+        memset(hit, 0, sizeof *hit);
+        hit->status = CONEMAP_INVALID;
+    } else {
+        hit->inside = met && rays->t[slot] <= 0.0;
+        hit->t = hit->t_before = hit->t_after = (float)along;
+        hit->u = (float)((double)stream->rays.origin[0][at] + along * (double)stream->rays.direction[0][at]);
+        hit->v = (float)((double)stream->rays.origin[1][at] + along * (double)stream->rays.direction[1][at]);
+        hit->z = (float)((double)stream->rays.origin[2][at] + along * (double)stream->rays.direction[2][at]);
+        hit->steps = (int)rays->steps[slot];
+        hit->fallback = 0;
+    }
+    if (!stream->hits) conemap__hit_to_arrays(stream->hit_arrays, number, hit);
 }
 
 #define CONEMAP__MOVE(column) to->column[to_slot] = from->column[slot]
@@ -2624,7 +2607,6 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
                                    int to_slot) {
     int k;
     to->now[to_slot] = to->steps[to_slot] = 0.0f;
-    to->t[to_slot] = 0.0;
     CONEMAP__MOVE(state);
     CONEMAP__MOVE(end);
     CONEMAP__MOVE(z);
@@ -2633,10 +2615,8 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
     CONEMAP__MOVE(major);
     CONEMAP__MOVE(per_major);
     CONEMAP__MOVE(reach);
-    CONEMAP__MOVE(record);
     CONEMAP__MOVE(t_end);
     CONEMAP__MOVE(z_exact);
-    CONEMAP__MOVE(vz_exact);
     CONEMAP__MOVE(z_end);
     CONEMAP__MOVE(t_start);
     CONEMAP__MOVE(t_gone);
@@ -2654,7 +2634,6 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
         CONEMAP__MOVE(way[k].p);
         CONEMAP__MOVE(way[k].v);
         CONEMAP__MOVE(way[k].per_v);
-        CONEMAP__MOVE(way[k].border);
     }
 }
 #undef CONEMAP__MOVE
@@ -7673,7 +7652,6 @@ static conemap_result conemap__fly_stream(const conemap_prepared *prepared, cons
     const conemap_info *info = &prepared->map->info;
     unsigned char room[(CONEMAP__SLOTS / CONEMAP__BLOCK + 1) * sizeof(conemap__block_of_rays) + 63];
     conemap__flight f;
-    if (stream->count == 0) return CONEMAP_OK;
     f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
     f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
     f.table = prepared->table;
@@ -7690,10 +7668,18 @@ static conemap_result conemap__fly_stream(const conemap_prepared *prepared, cons
 CONEMAP__DEF conemap_result conemap_trace_prepared(const conemap_prepared *prepared, const conemap_ray *rays,
                                                    conemap_hit *hits, int count) {
     conemap__stream stream;
+    int k;
     if (!prepared || !prepared->table || ((!rays || !hits) && count != 0)) return CONEMAP_ERROR_NULL;
     if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    if (count == 0) return CONEMAP_OK;
     memset(&stream, 0, sizeof stream);
-    stream.rays = rays;
+    for (k = 0; k < 3; ++k) {
+        stream.rays.origin[k] = &rays->origin[k];
+        stream.rays.direction[k] = &rays->direction[k];
+    }
+    stream.rays.t_min = &rays->t_min;
+    stream.rays.t_max = &rays->t_max;
+    stream.pitch = (int)(sizeof *rays / sizeof(float));
     stream.hits = hits;
     stream.count = count;
     return conemap__fly_stream(prepared, &stream);
@@ -7707,8 +7693,10 @@ CONEMAP__DEF conemap_result conemap_trace_arrays(const conemap_prepared *prepare
     for (k = 0; k < 3; ++k)
         if ((!rays->origin[k] || !rays->direction[k]) && count != 0) return CONEMAP_ERROR_NULL;
     if (count < 0) return CONEMAP_ERROR_PARAMETER;
+    if (count == 0) return CONEMAP_OK;
     memset(&stream, 0, sizeof stream);
-    stream.ray_arrays = rays;
+    stream.rays = *rays;
+    stream.pitch = 1;
     stream.hit_arrays = hits;
     stream.count = count;
     return conemap__fly_stream(prepared, &stream);
@@ -17104,6 +17092,7 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__INLINE
 #undef CONEMAP__UNUSED
 #undef CONEMAP__PREFETCH
+#undef CONEMAP__TRAILING_ZEROS
 #undef CONEMAP__FAR
 #undef CONEMAP__HASH_START
 #undef CONEMAP__STRIP_LEVELS
@@ -18544,11 +18533,12 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(table_number)(const conemap__flight_a
     return CONEMAP__MIN(CONEMAP__MAX(number, CONEMAP__F1(0.0f)), CONEMAP__F1(axis->table_last));
 }
 
-/* When the ray comes to the near border of a cell. The product is kept, so that it is rounded as the one in `border` was
-   also where arithmetic is wider than doubles (x87): a slow ray on a border must not seem to come there late. */
-CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(border)(const conemap__way *way, int at, CONEMAP__D cell) {
-    CONEMAP__D product = CONEMAP__MULD(cell, CONEMAP__LOADD(way->per_v + at));
-    return CONEMAP__ADDD(product, CONEMAP__LOADD(way->border + at));
+/* When a ray comes from p to the near border of a cell. Both products are kept, so that they are rounded alike also where
+   arithmetic is wider than doubles (x87): a slow ray on a border must not seem to come there late. */
+CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(border)(CONEMAP__D p, CONEMAP__D per_v, CONEMAP__D cell) {
+    CONEMAP__D to = CONEMAP__MULD(cell, per_v), from = CONEMAP__MULD(p, per_v);
+    return CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(0.0), per_v), CONEMAP__SUBD(to, from),
+                          CONEMAP__D1(CONEMAP__NEVER));
 }
 
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(position)(const conemap__way *way, int at, CONEMAP__D t) {
@@ -18694,16 +18684,17 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     conemap__way *u = &rays->way[0], *v = &rays->way[1];
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
     CONEMAP__D i = CONEMAP__LOADFD(rays->cell[0] + at), j = CONEMAP__LOADFD(rays->cell[1] + at);
-    CONEMAP__D enter_i = CONEMAP__KERNEL(border)(u, at, i), leave_i = CONEMAP__KERNEL(border)(u, at,
-        CONEMAP__ADDD(i, one));
-    CONEMAP__D enter_j = CONEMAP__KERNEL(border)(v, at, j), leave_j = CONEMAP__KERNEL(border)(v, at,
-        CONEMAP__ADDD(j, one));
+    CONEMAP__D pu = CONEMAP__LOADD(u->p + at), per_u = CONEMAP__LOADD(u->per_v + at);
+    CONEMAP__D pv = CONEMAP__LOADD(v->p + at), per_v = CONEMAP__LOADD(v->per_v + at);
+    CONEMAP__D enter_i = CONEMAP__KERNEL(border)(pu, per_u, i), enter_j = CONEMAP__KERNEL(border)(pv, per_v, j);
+    CONEMAP__D leave_i = CONEMAP__KERNEL(border)(pu, per_u, CONEMAP__ADDD(i, one));
+    CONEMAP__D leave_j = CONEMAP__KERNEL(border)(pv, per_v, CONEMAP__ADDD(j, one));
     CONEMAP__D t_end = CONEMAP__LOADD(rays->t_end + at), leave = CONEMAP__MIND(leave_i, leave_j);
     CONEMAP__D enter = CONEMAP__MAXD(CONEMAP__PICKD(CONEMAP__LTD(enter_i, never), enter_i, zero),
                                      CONEMAP__PICKD(CONEMAP__LTD(enter_j, never), enter_j, zero));
     CONEMAP__D now = CONEMAP__LOADFD(rays->now + at), t = CONEMAP__MIND(CONEMAP__MAXD(now, enter), t_end);
     CONEMAP__D end = CONEMAP__MIND(CONEMAP__MAXD(leave, t), t_end);
-    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADD(rays->vz_exact + at);
+    CONEMAP__D vx = CONEMAP__LOADD(u->v + at), vy = CONEMAP__LOADD(v->v + at), vz = CONEMAP__LOADFD(rays->vz + at);
     CONEMAP__D state = CONEMAP__LOADFD(rays->state + at);
     CONEMAP__D h00 = CONEMAP__GATHERFD(f->heights, rays->corner[0] + at);
     CONEMAP__D h10 = CONEMAP__GATHERFD(f->heights, rays->corner[1] + at);
@@ -18711,8 +18702,6 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__D h11 = CONEMAP__GATHERFD(f->heights, rays->corner[3] + at);
     CONEMAP__D x = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, t), i));
     CONEMAP__D y = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, t), j));
-    CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
-    CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
     CONEMAP__D hx = CONEMAP__SUBD(h10, h00), hy = CONEMAP__SUBD(h01, h00);
     CONEMAP__D hxy = CONEMAP__SUBD(CONEMAP__SUBD(h11, h01), hx);
     CONEMAP__D z = CONEMAP__PICKD(CONEMAP__LED(t_end, t), CONEMAP__LOADD(rays->z_end + at),
@@ -18729,21 +18718,25 @@ CONEMAP__HELPER void CONEMAP__KERNEL(meet)(const conemap__flight *f, conemap__bl
     CONEMAP__D q = CONEMAP__MULD(CONEMAP__D1(-0.5),
                                  CONEMAP__ADDD(b, CONEMAP__PICKD(CONEMAP__LTD(b, zero),
                                                                  CONEMAP__SUBD(zero, root), root)));
-    CONEMAP__W no_q = CONEMAP__ANDW(CONEMAP__LED(q, zero), CONEMAP__LED(zero, q));
-    CONEMAP__W no_a = CONEMAP__ANDW(CONEMAP__LED(a, zero), CONEMAP__LED(zero, a));
-    CONEMAP__D first = CONEMAP__PICKD(no_q, never, CONEMAP__DIVD(c, CONEMAP__PICKD(no_q, never, q)));
-    CONEMAP__D second = CONEMAP__PICKD(no_a, never, CONEMAP__DIVD(q, CONEMAP__PICKD(no_a, never, a)));
-    CONEMAP__D way = CONEMAP__SUBD(end, t), low, high;
+    /* Above the surface, c > 0, q has the other sign than b: the ray sinks towards the patch, and c / q is the nearer
+       zero, or it rises, and only q / a can be ahead. */
+    CONEMAP__W sinks = CONEMAP__LTD(b, zero);
+    CONEMAP__D over = CONEMAP__PICKD(sinks, q, CONEMAP__SUBD(zero, a));
+    CONEMAP__W has_zero = CONEMAP__ANDW(CONEMAP__LED(zero, discriminant), CONEMAP__LTD(zero, over));
+    CONEMAP__D first = CONEMAP__DIVD(CONEMAP__PICKD(sinks, c, CONEMAP__SUBD(zero, q)),
+                                     CONEMAP__PICKD(has_zero, over, one));
+    CONEMAP__D way = CONEMAP__SUBD(end, t);
     CONEMAP__W meets, inside, ends = CONEMAP__LED(t_end, leave), close;
-    first = CONEMAP__PICKD(CONEMAP__LTD(first, zero), never, first);
-    first = CONEMAP__PICKD(CONEMAP__LED(zero, second), CONEMAP__MIND(second, first), first);
-    meets = CONEMAP__ANDW(CONEMAP__LED(zero, discriminant), CONEMAP__LED(first, way));
-    /* On the ray's end the height is exact, which the quadratic's is not. */
-    low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
-    high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
-    low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
+    meets = CONEMAP__ANDW(has_zero, CONEMAP__LED(first, way));
     first = CONEMAP__PICKD(meets, first, way);
-    meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    if (CONEMAP__BITSW(ends)) { /* on the ray's end the height is exact, which the quadratic's is not */
+        CONEMAP__D x1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(u, at, end), i));
+        CONEMAP__D y1 = CONEMAP__KERNEL(clamp01)(CONEMAP__SUBD(CONEMAP__KERNEL(position)(v, at, end), j));
+        CONEMAP__D low = CONEMAP__ADDD(h00, CONEMAP__MULD(hx, x1));
+        CONEMAP__D high = CONEMAP__ADDD(h01, CONEMAP__MULD(CONEMAP__SUBD(h11, h01), x1));
+        low = CONEMAP__ADDD(low, CONEMAP__MULD(CONEMAP__SUBD(high, low), y1));
+        meets = CONEMAP__ORW(meets, CONEMAP__ANDW(ends, CONEMAP__LED(CONEMAP__LOADD(rays->z_end + at), low)));
+    }
     inside = CONEMAP__LED(c, zero);
     first = CONEMAP__PICKD(inside, zero, first);
     /* A flight that ends beyond the cell was over all of it, by 2^-20 at least: it is not taken for one inside. */
@@ -18798,7 +18791,7 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
                                                        float *to_cell, float *sign, CONEMAP__D position, CONEMAP__D v,
                                                        CONEMAP__D per_v, CONEMAP__D t_end, CONEMAP__W meets) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0);
-    CONEMAP__W flip = CONEMAP__LTD(v, zero), moves = CONEMAP__ORW(flip, CONEMAP__LTD(zero, v));
+    CONEMAP__W flip = CONEMAP__LTD(v, zero);
     CONEMAP__D cells = CONEMAP__D1(axis->cells), first = CONEMAP__D1(axis->first), x, cell, place, p;
     position = CONEMAP__PICKD(meets, position, zero);
     if (axis->wraps) {
@@ -18829,9 +18822,6 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
     v = CONEMAP__PICKD(meets, v, zero);
     CONEMAP__STORED(way->v, v);
     CONEMAP__STORED(way->per_v, CONEMAP__PICKD(meets, per_v, zero));
-    CONEMAP__STORED(way->border, CONEMAP__PICKD(CONEMAP__ANDW(moves, meets),
-                                                CONEMAP__SUBD(zero, CONEMAP__MULD(p, per_v)),
-                                                CONEMAP__D1(CONEMAP__NEVER)));
     CONEMAP__STOREDF(sign, CONEMAP__PICKD(flip, CONEMAP__D1(-1.0), one));
     return CONEMAP__ADDD(p, CONEMAP__MULD(v, t_end));
 }
@@ -18839,47 +18829,63 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
 /* The way in floats, whose positions are off by half of `error` at most. */
 CONEMAP__HELPER void CONEMAP__KERNEL(board_fast)(const conemap__way *way, conemap__fast_way *fast, CONEMAP__D error) {
     CONEMAP__D per_v = CONEMAP__LOADD(way->per_v), twice = CONEMAP__MULD(CONEMAP__ADDD(error, error), per_v);
+    CONEMAP__D border = CONEMAP__KERNEL(border)(CONEMAP__LOADD(way->p), per_v, CONEMAP__D1(0.0));
     CONEMAP__STOREDF(fast->behind, CONEMAP__SUBD(CONEMAP__LOADD(way->p), error));
     CONEMAP__STOREDF(fast->v, CONEMAP__LOADD(way->v));
     CONEMAP__STOREDF(fast->per_v, per_v);
-    CONEMAP__STOREDF(fast->late, CONEMAP__MIND(CONEMAP__ADDD(CONEMAP__LOADD(way->border), twice), CONEMAP__D1(1e30)));
+    CONEMAP__STOREDF(fast->late, CONEMAP__MIND(CONEMAP__ADDD(border, twice), CONEMAP__D1(1e30)));
     CONEMAP__STOREDF(fast->early, CONEMAP__ADDD(twice, twice));
 }
 
-/* Boards the next rays of the stream, as conemap__enter does one, into the waiting block; invalid ones are answered. */
+/* Boards the next rays of the stream, as conemap__enter does one, into the waiting block. Invalid ones are gone. */
 CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     const CONEMAP__D zero = CONEMAP__D1(0.0), one = CONEMAP__D1(1.0), never = CONEMAP__D1(CONEMAP__NEVER);
+    const CONEMAP__D most = CONEMAP__D1(3.4028234663852886e38), less = CONEMAP__D1(-3.4028234663852886e38);
     conemap__block_of_rays *rays = f->waiting;
     conemap__stream *stream = &f->stream;
-    float columns[8][CONEMAP__DLANES] = {{0}};
-    CONEMAP__D o[3], v[3], per_v[3], longest, power, per_power, t_min, t0, t1, box0, box1, status, z_out, reach, major,
-        t_end, far_u, far_v, error, z;
-    CONEMAP__W ends, meets, in_box;
-    int lanes = 0, k;
-    while (lanes < CONEMAP__DLANES && stream->next < stream->count) {
-        conemap_ray ray;
-        int number = stream->next;
-        if (conemap__stream_ray(stream, &ray) != CONEMAP_OK) continue;
-        for (k = 0; k < 3; ++k) {
-            columns[k][lanes] = ray.origin[k];
-            columns[3 + k][lanes] = ray.direction[k];
-        }
-        columns[6][lanes] = ray.t_min;
-        columns[7][lanes] = conemap__finite(ray.t_max) ? ray.t_max : 0.0f;
-        rays->number[lanes] = (double)number;
-        ++lanes;
+    int32_t index[CONEMAP__DLANES];
+    CONEMAP__D o[3], v[3], per_v[3], longest, power, per_power, t_min, t_max, t0, t1, box0, box1, status, z_out, reach,
+        major, t_end, far_u, far_v, error, z;
+    CONEMAP__W ends, meets, in_box, valid;
+    int lanes = conemap__mini(CONEMAP__DLANES, stream->count - stream->next), k;
+    size_t from = (size_t)stream->next * (size_t)stream->pitch;
+    for (k = 0; k < CONEMAP__DLANES; ++k) {
+        rays->number[k] = stream->next + conemap__mini(k, lanes - 1);
+        index[k] = conemap__mini(k, lanes - 1) * stream->pitch;
+        if (stream->hits) CONEMAP__PREFETCH(&stream->hits[rays->number[k]]); /* to be written once they have flown */
     }
     f->waiting_next = 0;
     f->waiting_count = lanes;
-    if (lanes == 0) return;
-    for (k = lanes; k < CONEMAP__DLANES; ++k) columns[5][k] = 1.0f; /* a direction */
 
-    longest = CONEMAP__D1(1e-300);
+    longest = zero;
+    t_min = stream->rays.t_min ? CONEMAP__GATHERFD(stream->rays.t_min + from, index) : zero;
+    t_max = stream->rays.t_max ? CONEMAP__GATHERFD(stream->rays.t_max + from, index) : zero;
+    valid = CONEMAP__ANDW(CONEMAP__LED(zero, t_min), CONEMAP__LED(t_min, most));
+    valid = CONEMAP__ANDW(valid, CONEMAP__ORW(CONEMAP__ANDW(CONEMAP__LED(t_max, zero), CONEMAP__LED(zero, t_max)),
+                                              CONEMAP__LED(t_min, t_max)));
     for (k = 0; k < 3; ++k) {
-        o[k] = CONEMAP__LOADFD(columns[k]);
-        v[k] = CONEMAP__LOADFD(columns[3 + k]);
+        o[k] = CONEMAP__GATHERFD(stream->rays.origin[k] + from, index);
+        v[k] = CONEMAP__GATHERFD(stream->rays.direction[k] + from, index);
         longest = CONEMAP__MAXD(longest, CONEMAP__MAXD(v[k], CONEMAP__SUBD(zero, v[k])));
+        valid = CONEMAP__ANDW(valid, CONEMAP__ANDW(CONEMAP__LED(o[k], most), CONEMAP__LED(less, o[k])));
+        valid = CONEMAP__ANDW(valid, CONEMAP__ANDW(CONEMAP__LED(v[k], most), CONEMAP__LED(less, v[k])));
     }
+    valid = CONEMAP__ANDW(valid, CONEMAP__LTD(zero, longest));
+    if (CONEMAP__BITSW(valid) != (1 << CONEMAP__DLANES) - 1) { /* they take part as others, but land at once */
+        for (k = 0; k < lanes && stream->result == CONEMAP_OK; ++k) {
+            conemap_ray ray = conemap__stream_ray(stream, stream->next + k);
+            stream->result = conemap__check_ray(&ray);
+        }
+        for (k = 0; k < 3; ++k) {
+            o[k] = CONEMAP__PICKD(valid, o[k], zero);
+            v[k] = CONEMAP__PICKD(valid, v[k], one);
+        }
+        longest = CONEMAP__PICKD(valid, longest, one);
+        t_min = CONEMAP__PICKD(valid, t_min, zero);
+        t_max = CONEMAP__PICKD(valid, t_max, zero);
+    }
+    stream->next += lanes;
+    t_max = CONEMAP__PICKD(CONEMAP__LED(t_max, most), t_max, zero);
     /* the power of two that brings it to 1..2, as conemap__normalising_power */
     power = CONEMAP__BITSD(CONEMAP__LSUB(CONEMAP__L1(UINT64_C(2046) << 52),
                                          CONEMAP__LAND(CONEMAP__BITSL(longest), CONEMAP__L1(UINT64_C(2047) << 52))));
@@ -18890,10 +18896,9 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
         per_v[k] = CONEMAP__KERNEL(inverse)(v[k]);
     }
     per_power = CONEMAP__BITSD(CONEMAP__LAND(CONEMAP__BITSL(longest), CONEMAP__L1(UINT64_C(2047) << 52)));
-    t_min = CONEMAP__MULD(CONEMAP__LOADFD(columns[6]), per_power);
-    t1 = CONEMAP__LOADFD(columns[7]);
+    t_min = CONEMAP__MULD(t_min, per_power);
     box0 = t_min;
-    box1 = CONEMAP__PICKD(CONEMAP__LED(t1, zero), never, CONEMAP__MULD(t1, per_power));
+    box1 = CONEMAP__PICKD(CONEMAP__LED(t_max, zero), never, CONEMAP__MULD(t_max, per_power));
 
     /* The unit box says how a ray that meets nothing ends. */
     ends = CONEMAP__KERNEL(clip)(o[2], v[2], 0.0, 1.0, &box0, &box1);
@@ -18915,8 +18920,9 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
         ends = CONEMAP__KERNEL(clip)(o[k], v[k], f->axis[k].low, 1.0 - f->axis[k].low, &t0, &t1);
         z_out = CONEMAP__PICKD(ends, zero, z_out);
     }
-    meets = CONEMAP__ANDW(in_box, CONEMAP__LED(t0, t1));
+    meets = CONEMAP__ANDW(CONEMAP__ANDW(valid, in_box), CONEMAP__LED(t0, t1));
     status = CONEMAP__PICKD(in_box, status, CONEMAP__D1((double)CONEMAP_LEFT));
+    status = CONEMAP__PICKD(valid, status, CONEMAP__D1((double)CONEMAP_INVALID));
     box1 = CONEMAP__PICKD(in_box, box1, t_min);
     /* Past its reach a wrapping ray is given up. */
     if (f->axis[0].wraps || f->axis[1].wraps) {
@@ -18952,7 +18958,6 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     z = CONEMAP__PICKD(meets, CONEMAP__KERNEL(clamp01)(CONEMAP__ADDD(o[2], CONEMAP__MULD(v[2], t0))), zero);
     CONEMAP__STORED(rays->z_exact, z);
     CONEMAP__STOREDF(rays->z, CONEMAP__SUBD(z, CONEMAP__D1(1.0 / 524288.0)));
-    CONEMAP__STORED(rays->vz_exact, v[2]);
     CONEMAP__STOREDF(rays->vz, v[2]);
     /* A ray that ends on the floor ends at 0 exactly, so that no rounding slips it through flat ground. */
     CONEMAP__STORED(rays->z_end, CONEMAP__PICKD(
@@ -18967,7 +18972,6 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
     CONEMAP__STORED(rays->t_gone, box1);
     CONEMAP__STORED(rays->t_scale, power);
     CONEMAP__STORED(rays->end_status, status);
-    CONEMAP__KERNEL(aim)(f, rays, 0, CONEMAP__LOADF(rays->cell[0]), CONEMAP__LOADF(rays->cell[1]));
 }
 
 /* Answers the rays of a group that have arrived and puts waiting ones into their places; returns how many are
@@ -18975,10 +18979,11 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(board)(conemap__flight *f) {
 CONEMAP__HELPER int CONEMAP__KERNEL(change)(conemap__flight *f, conemap__block_of_rays *rays, int at) {
     CONEMAP__F state = CONEMAP__LOADF(rays->state + at);
     int arrived = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(1.5f), state));
-    int empty = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(3.5f), state)), aboard = CONEMAP__LANES, k;
-    for (k = at; arrived; ++k, arrived >>= 1, empty >>= 1) {
-        if (!(arrived & 1)) continue;
-        if (!(empty & 1)) conemap__land(&f->stream, rays, k);
+    int empty = CONEMAP__BITS(CONEMAP__LT(CONEMAP__F1(3.5f), state)), aboard = CONEMAP__LANES, lanes;
+    for (lanes = arrived & ~empty; lanes; lanes &= lanes - 1)
+        conemap__land(&f->stream, rays, at + CONEMAP__TRAILING_ZEROS(lanes));
+    for (lanes = arrived; lanes; lanes &= lanes - 1) {
+        int k = at + CONEMAP__TRAILING_ZEROS(lanes);
         if (f->waiting_next == f->waiting_count && f->stream.next < f->stream.count) CONEMAP__KERNEL(board)(f);
         if (f->waiting_next < f->waiting_count) {
             conemap__move(f->waiting, f->waiting_next++, rays, k);
@@ -19018,11 +19023,11 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
             turn[group] = CHANGE;
         } else if (turn[group] == CHANGE) {
             turn[group] = FLY;
-            CONEMAP__KERNEL(aim)(f, rays, at, CONEMAP__LOADF(rays->cell[0] + at), CONEMAP__LOADF(rays->cell[1] + at));
             if (CONEMAP__KERNEL(change)(f, rays, at) == 0) {
                 turn[group] = DONE;
                 --busy;
             }
+            CONEMAP__KERNEL(aim)(f, rays, at, CONEMAP__LOADF(rays->cell[0] + at), CONEMAP__LOADF(rays->cell[1] + at));
         }
     }
 }

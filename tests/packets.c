@@ -437,11 +437,51 @@ static void bad_input(void)
     conemap_free(&map);
 }
 
+/* The same rays are invalid as to conemap_trace, whichever number is odd, and a stream's first one is told of. */
+static void odd_rays(void)
+{
+    static const float odd[] = {(float)NAN, (float)INFINITY, -(float)INFINITY, -1.0f, -0.0f, 1e-40f, 3e38f};
+    enum { ODD = (int)(sizeof odd / sizeof *odd), COUNT = 8 * ODD };
+    conemap_map map;
+    int isa, k, c;
+    if (!build(ZOO_FBM, 17, 16, 0, 4u, &map)) return;
+    for (k = 0; k < COUNT; ++k) {
+        conemap_ray *ray = &rays[k];
+        float value = odd[k % ODD];
+        for (c = 0; c < 3; ++c) {
+            ray->origin[c] = k / ODD == c ? value : 0.5f;
+            ray->direction[c] = k / ODD == 3 + c ? value : 0.0f;
+        }
+        if (k / ODD != 5 && k / ODD != 4) ray->direction[2] = -1.0f; /* else there may be no direction */
+        ray->t_min = k / ODD == 6 ? value : 0.25f;
+        ray->t_max = k / ODD == 7 ? value : 0.0f;
+    }
+    for (isa = CONEMAP_ISA_SCALAR; isa < CONEMAP_ISA_COUNT; ++isa) {
+        conemap_prepare_desc desc;
+        conemap_prepared prepared;
+        memset(&desc, 0, sizeof desc);
+        desc.isa = (conemap_isa)isa;
+        if (!conemap_isa_available(desc.isa)) continue;
+        REQUIRE(conemap_prepare(&map, &desc, &prepared) == CONEMAP_OK, "prepare");
+        for (k = 0; k < COUNT; ++k) {
+            conemap_result right = conemap_trace(&map, NULL, &rays[k], expected, COUNT - k);
+            CHECK(conemap_trace_prepared(&prepared, &rays[k], hits, COUNT - k) == right, "isa %d: rays from %d", isa, k);
+            CHECK((hits[0].status == CONEMAP_INVALID) == (expected[0].status == CONEMAP_INVALID),
+                  "isa %d: ray %d: status %d", isa, k, (int)hits[0].status);
+            CHECK(hits[0].status != CONEMAP_INVALID || memcmp(hits, expected, sizeof *hits) == 0,
+                  "isa %d: ray %d: more than a status", isa, k);
+        }
+        conemap_free_prepared(&prepared);
+    }
+    conemap_free(&map);
+}
+
 const struct test_case packets_tests[] = {
     {"the exact tracer's hits", same_hits},
     {"far flights", far_flights},
     {"whatever the cones", any_cones},
     {"the same bits everywhere", same_bits},
+    {"odd rays", odd_rays},
     {"bad input", bad_input},
     {NULL, NULL},
 };
