@@ -2289,7 +2289,7 @@ static double conemap__ascent2(int major, double x, double y, double a, double b
 typedef struct conemap__search {
     float a, b;              /* a texel's size */
     float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
-    float near2;             /* pairs closer than its root are left to others; 0 for vertex cones */
+    float near2;             /* pairs closer than its root are left to others */
     float widen2;            /* (1 + slack)^2 */
     int is_away;             /* the tile is none of the map's, and sees it as it stands, without images */
     int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
@@ -2352,10 +2352,10 @@ typedef struct conemap__surroundings {
     float heights[2 * CONEMAP__SIGHT_REACH + 1][2 * CONEMAP__SIGHT_REACH + 16];
 } conemap__surroundings;
 
-static const float *const *conemap__copy_around(const conemap__sights *sights, const float *const *rows, int at,
-                                                int lanes, int width, int wraps, conemap__surroundings *copy) {
-    int x0 = at - sights->reach_u, count = lanes + 2 * sights->reach_u, x, y;
-    for (y = -sights->reach_v; y <= sights->reach_v; ++y) {
+static const float *const *conemap__copy_around(int reach_u, int reach_v, const float *const *rows, int at, int lanes,
+                                                int width, int wraps, conemap__surroundings *copy) {
+    int x0 = at - reach_u, count = lanes + 2 * reach_u, x, y;
+    for (y = -reach_v; y <= reach_v; ++y) {
         float *to = copy->heights[CONEMAP__SIGHT_REACH + y];
         copy->rows[CONEMAP__SIGHT_REACH + y] = to;
         for (x = x0; x < x0 + count; ++x) {
@@ -2366,13 +2366,12 @@ static const float *const *conemap__copy_around(const conemap__sights *sights, c
     return copy->rows + CONEMAP__SIGHT_REACH;
 }
 
-CONEMAP__INLINE const float *const *conemap__surround(const conemap__sights *sights, const float *const *rows, int *at,
+CONEMAP__INLINE const float *const *conemap__surround(int reach_u, int reach_v, const float *const *rows, int *at,
                                                       int lanes, int width, int wraps, conemap__surroundings *copy) {
-    int from = *at, reach_u = sights->reach_u;
-    if (from >= reach_u && from + lanes + reach_u <= width && rows[-sights->reach_v] && rows[sights->reach_v])
-        return rows;
+    int from = *at;
+    if (from >= reach_u && from + lanes + reach_u <= width && rows[-reach_v] && rows[reach_v]) return rows;
     *at = reach_u;
-    return conemap__copy_around(sights, rows, from, lanes, width, wraps, copy);
+    return conemap__copy_around(reach_u, reach_v, rows, from, lanes, width, wraps, copy);
 }
 
 /* Who looks, with relaxed cones and in a sector. */
@@ -2638,6 +2637,25 @@ CONEMAP__INLINE void conemap__move(const conemap__block_of_rays *from, int slot,
 }
 #undef CONEMAP__MOVE
 
+#define CONEMAP__RINGS 3 /* around a texel, that a row looks at before the search */
+#define CONEMAP__RING_TEXELS ((CONEMAP__RINGS + 1) * (CONEMAP__RINGS + 1))
+
+/* Squared distances of the rings' texels that are nearer than near2, each once for all four signs, those that are alike
+   in a row; returns how many. */
+CONEMAP__INLINE int conemap__near_places(float a, float b, float near2, int *columns, int *rows, float *d2) {
+    int u, v, k, n = 0;
+    for (v = 0; v <= CONEMAP__RINGS; ++v)
+        for (u = conemap__maxi(v, 1); u <= CONEMAP__RINGS; ++u)
+            for (k = 0; k < (u == v ? 1 : 2); ++k) {
+                float across = (float)(k ? v : u) * a, down = (float)(k ? u : v) * b;
+                columns[n] = k ? v : u;
+                rows[n] = k ? u : v;
+                d2[n] = across * across + down * down;
+                n += d2[n] < near2;
+            }
+    return n;
+}
+
 /* The kernels of one instruction set. `count` is always in texels. */
 typedef struct conemap__kernels {
     /* Reads row y of the caller's heights as the texture will hold them; 0 if one is not a height. */
@@ -2652,10 +2670,10 @@ typedef struct conemap__kernels {
     void (*floor_row)(const conemap_info *info, const float *heights, const float *cones, int count, float *out);
     /* Maxima over 2 x 2 of two rows of `width`, which are the same row where the last has no partner. */
     void (*maxima_row)(const float *above, const float *below, int width, float *out);
-    /* The steepest of the slopes to the 8 neighbours, at least `least`: squared, for texels of a x b. Missing rows are
-       null. */
-    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float least, int first,
-                     int count, float *out);
+    /* The steepest of the slopes to the texels of CONEMAP__RINGS rings that are nearer than near2, at least `least`:
+       squared, for texels of a x b. rows[k] is the k-th row from this one, null where there is none. */
+    void (*ring_row)(const float *const *rows, int width, int wraps, float a, float b, float near2, float least,
+                     int first, int count, float *out);
     /* Squares of what each texel sees of its own four cells and, by step 4 of the proof of safe cones, of those near
        it, at least `least`; and of what is seen of each cell, by its lower corner, from within and, where its sides are
        cut, from the vertices near it. rows[k] is the k-th row from this one, null where there is none. */
@@ -3460,9 +3478,10 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at
    least as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of
    the pyramid are tested against every texel at once, whether or not it had a use for the block above, which costs less
-   than asking. (One lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) The search
-   begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from there,
-   so near texels, which decide most often, come first, and ends with the images of a wrapping map.
+   than asking. (One lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) What is nearer
+   than the root of near2 has been looked at row by row, which takes less time; bounds take it to be so far away. The
+   search begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from
+   there, so nearer texels, which decide more often, come first, and ends with the images of a wrapping map.
    With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound
    into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
    steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
@@ -3828,6 +3847,14 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
         sights->cut[axis][away + far] = conemap__mini(sights->cut[axis][away + far], CONEMAP__FINEST / pieces);
         sights->sides[axis] = conemap__maxi(sights->sides[axis], away + far);
     }
+}
+
+/* Squared distance from which the search is what sees. In all directions a row looks at once at what is nearer, which
+   takes less time than the search, so that is more than tolerance asks for. */
+static float conemap__near2(const conemap_map *map, float a, float b, float deflate) {
+    float near2 = deflate / CONEMAP__TOLERANCE, rings = conemap__min(a, b) * (float)(CONEMAP__RINGS + 1);
+    if (map->info.texture.sectors > 1 || map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR) return near2;
+    return conemap__max(near2, rings * rings);
 }
 
 /* Step 5, near: numbers for the cells with a corner nearer than the root of near2, and the vertices that have one. The
@@ -4478,14 +4505,16 @@ static conemap_result conemap__exact_rows(const conemap_map *map, int sector, in
     float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
     conemap_result result;
     int x, y, k, end, w = map->info.width;
+    search.near2 = conemap__near2(map, search.a, search.b, 0.0f) * (1.0f - 1.0f / 4096.0f);
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)w;
-        const float *rows[3];
-        for (k = 0; k < 3; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - 1);
+        const float *rows[2 * CONEMAP__RINGS + 1];
+        for (k = 0; k <= 2 * CONEMAP__RINGS; ++k) rows[k] = conemap__row_of(map, map->heights, y + k - CONEMAP__RINGS);
         conemap__columns(map, sector, y, &x, &end);
         if (map->info.texture.sectors <= 1)
-            conemap__kernels_of(map->isa)->ring_row(rows, w, map->info.wrap_u == CONEMAP_WRAP, search.a, search.b,
-                                                    map->build.least_slope2, x, end - x, row + x);
+            conemap__kernels_of(map->isa)->ring_row(rows + CONEMAP__RINGS, w, map->info.wrap_u == CONEMAP_WRAP,
+                                                    search.a, search.b, search.near2, map->build.least_slope2, x,
+                                                    end - x, row + x);
         for (; map->info.texture.sectors > 1 && x < end; ++x) row[x] = map->build.least_slope2;
     }
     search.sector = conemap__make_sector(&map->info, sector);
@@ -4594,7 +4623,7 @@ static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan
                                                                                           whole */
     search.deflate = band.deflate;
-    search.near2 = band.deflate / CONEMAP__TOLERANCE * (1.0f - 1.0f / 4096.0f);
+    search.near2 = conemap__near2(map, band.a, band.b, band.deflate) * (1.0f - 1.0f / 4096.0f);
     search.sector = band.sector;
     search.room = 1;
     search.relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
@@ -5220,7 +5249,7 @@ static void conemap__apply(conemap_map *map, conemap_map *work, conemap__edit *e
     if (conemap__is_bilinear(&work->info)) {
         float a = work->build.search_u, b = work->build.search_v;
         edit->deflate = 0.25f * (a * a + b * b);
-        edit->near2 = edit->deflate / CONEMAP__TOLERANCE;
+        edit->near2 = conemap__near2(work, a, b, edit->deflate);
         edit->near_u = conemap__near_texels(edit->near2, a);
         edit->near_v = conemap__near_texels(edit->near2, b);
     }
@@ -17433,21 +17462,25 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(beside)(const float *row, int x, int 
 }
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(ring_row)(const float *const *rows, int width, int wraps, float a, float b,
-                                                 float least, int first, int count, float *out) {
-    float d2[3];
-    int x, k, c;
-    d2[0] = a * a;
-    d2[1] = b * b;
-    d2[2] = a * a + b * b;
+                                                 float near2, float least, int first, int count, float *out) {
+    conemap__surroundings copy;
+    int us[CONEMAP__RING_TEXELS], vs[CONEMAP__RING_TEXELS], x, k, n;
+    float d2[CONEMAP__RING_TEXELS];
+    n = conemap__near_places(a, b, near2, us, vs, d2);
     for (x = 0; x < count; x += CONEMAP__LANES) {
-        CONEMAP__F apex = CONEMAP__KERNEL(load)(rows[1] + first + x, count - x), best = CONEMAP__F1(least);
-        for (k = 0; k < 3; ++k)
-            for (c = -1; rows[k] && c <= 1; ++c)
-                if (k != 1 || c != 0)
-                    best = CONEMAP__MAX(best, CONEMAP__KERNEL(slope2)(
-                                                  CONEMAP__KERNEL(beside)(rows[k], first + x + c, width, wraps, 0,
-                                                                          -1.0f),
-                                                  apex, d2[k == 1 ? 0 : c == 0 ? 1 : 2]));
+        int at = first + x;
+        const float *const *around =
+            conemap__surround(CONEMAP__RINGS, CONEMAP__RINGS, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        const CONEMAP__F missing = CONEMAP__F1(-1.0f);
+        CONEMAP__F apex = CONEMAP__LOADF(around[0] + at), best = CONEMAP__F1(least), highest = missing;
+        for (k = 0; k < n; ++k) {
+            const float *above = around[-vs[k]] + at, *below = around[vs[k]] + at;
+            highest = CONEMAP__MAX(highest, CONEMAP__MAX(CONEMAP__LOADF(above - us[k]), CONEMAP__LOADF(above + us[k])));
+            highest = CONEMAP__MAX(highest, CONEMAP__MAX(CONEMAP__LOADF(below - us[k]), CONEMAP__LOADF(below + us[k])));
+            if (k + 1 < n && d2[k] == d2[k + 1]) continue; /* they share a division: it grows with the height */
+            best = CONEMAP__MAX(best, CONEMAP__KERNEL(slope2)(highest, apex, d2[k]));
+            highest = missing;
+        }
         CONEMAP__KERNEL(store)(out + x, best, count - x);
     }
 }
@@ -17511,7 +17544,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sights_row)(const conemap__sights *sights
     int x, k;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         int at = first + x;
-        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        const float *const *around =
+            conemap__surround(sights->reach_u, sights->reach_v, rows, &at, CONEMAP__LANES, width, wraps, &copy);
         CONEMAP__F apex = CONEMAP__LOADF(around[0] + at), seen = CONEMAP__F1(0.0f), along, across;
         along = CONEMAP__MAX(CONEMAP__LOADF(around[0] + at - 1), CONEMAP__LOADF(around[0] + at + 1));
         across = CONEMAP__MAX(CONEMAP__LOADF(around[-1] + at), CONEMAP__LOADF(around[1] + at));
@@ -17578,7 +17612,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(sides_row)(const conemap__sights *sights,
     }
     for (x = 0; x < count; x += CONEMAP__LANES) {
         int at = first + x, next;
-        const float *const *around = conemap__surround(sights, rows, &at, CONEMAP__LANES, width, wraps, &copy);
+        const float *const *around =
+            conemap__surround(sights->reach_u, sights->reach_v, rows, &at, CONEMAP__LANES, width, wraps, &copy);
         CONEMAP__F h[4], along, across, seen = CONEMAP__F1(0.0f);
         next = at + sights->step_x;
         for (k = 0; k < 4; ++k) h[k] = CONEMAP__LOADF(around[k & 2 ? below : 0] + (k & 1 ? next : at));
@@ -17925,15 +17960,15 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
 /* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. What is nearer
    than near2 counts as so far away: the near field sees more of it, and fewer blocks are opened. One lane looks only
    where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(const conemap__search *search, int asked, float highest,
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near, int asked, float highest,
                                                   CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2, CONEMAP__F y2,
-                                                  int plain, CONEMAP__F *dh2, CONEMAP__F *d2) {
+                                                  CONEMAP__F *dh2, CONEMAP__F *d2) {
     CONEMAP__F dh;
     if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
     *dh2 = CONEMAP__MUL(dh, dh);
     *d2 = CONEMAP__ADD(x2, y2);
-    if (!plain) *d2 = CONEMAP__MAX(*d2, CONEMAP__F1(search->near2 - search->deflate));
+    *d2 = CONEMAP__MAX(*d2, near);
     return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
 }
 
@@ -17950,7 +17985,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CON
 }
 
 /* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
-CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, conemap__tile *tile, int i,
+CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near, conemap__tile *tile, int i,
                                                CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
                                                const float *heights, int texels, int number, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), least = CONEMAP__LOADF(tile->slope2 + i), s = least, bar;
@@ -17960,13 +17995,13 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(search, 1, heights[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
+    beats[0] = CONEMAP__KERNEL(beats)(near, 1, heights[0], apex, bar, left, top, &dh2[0], &d2[0]);
     if (texels == 1) {
         if (!CONEMAP__ANY(beats[0])) return 0;
     } else {
-        beats[1] = CONEMAP__KERNEL(beats)(search, 1, heights[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
-        beats[2] = CONEMAP__KERNEL(beats)(search, 1, heights[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
-        beats[3] = CONEMAP__KERNEL(beats)(search, 1, heights[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
+        beats[1] = CONEMAP__KERNEL(beats)(near, 1, heights[1], apex, bar, right, top, &dh2[1], &d2[1]);
+        beats[2] = CONEMAP__KERNEL(beats)(near, 1, heights[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
+        beats[3] = CONEMAP__KERNEL(beats)(near, 1, heights[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
         if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
     }
     decider = CONEMAP__LOADI(tile->decider + i);
@@ -17982,9 +18017,10 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(const conemap__search *search, co
 }
 
 /* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from
-   the tile's corner. `plain`: vertex cones without slack. */
+   the tile's corner. `plain`: without slack. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x,
                                               int y, const float *heights, int texels, int plain) {
+    const CONEMAP__F near = CONEMAP__F1(search->near2 - search->deflate);
     float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     int c, u, v, i, j, noted, any = 0;
     if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
@@ -18000,7 +18036,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
             for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
                 CONEMAP__F top = CONEMAP__KERNEL(of_row)(y2[0] + j), bottom = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    won |= CONEMAP__KERNEL(look_from)(search, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
+                    won |= CONEMAP__KERNEL(look_from)(near, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
                                                       CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted,
                                                       plain);
             }
@@ -18029,8 +18065,8 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *
 }
 
 /* Texels from i on: adds those that must look into each of four blocks to `some`. */
-CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, int i, int asked,
-                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
+CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, CONEMAP__F near,
+                                               int i, int asked, CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
                                                const float *highest, CONEMAP__M *some, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar = s;
     CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
@@ -18038,10 +18074,10 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(search, asked & 1, highest[0], apex, bar, left, top, plain, &dh2[0], &d2[0]);
-    beats[1] = CONEMAP__KERNEL(beats)(search, asked & 2, highest[1], apex, bar, right, top, plain, &dh2[1], &d2[1]);
-    beats[2] = CONEMAP__KERNEL(beats)(search, asked & 4, highest[2], apex, bar, left, bottom, plain, &dh2[2], &d2[2]);
-    beats[3] = CONEMAP__KERNEL(beats)(search, asked & 8, highest[3], apex, bar, right, bottom, plain, &dh2[3], &d2[3]);
+    beats[0] = CONEMAP__KERNEL(beats)(near, asked & 1, highest[0], apex, bar, left, top, &dh2[0], &d2[0]);
+    beats[1] = CONEMAP__KERNEL(beats)(near, asked & 2, highest[1], apex, bar, right, top, &dh2[1], &d2[1]);
+    beats[2] = CONEMAP__KERNEL(beats)(near, asked & 4, highest[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
+    beats[3] = CONEMAP__KERNEL(beats)(near, asked & 8, highest[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
     if (!plain && search->widen2 > 1.0f &&
         CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
         CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);
@@ -18067,6 +18103,7 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
     int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
     int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k], alive[4];
     const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
+    const CONEMAP__F near = CONEMAP__F1(search->near2 - search->deflate);
     float highest[4], x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     CONEMAP__M some[4], none = CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
     highest[0] = row[0];
@@ -18092,8 +18129,9 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
             for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
                 CONEMAP__F first = CONEMAP__KERNEL(of_row)(y2[0] + j), second = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    CONEMAP__KERNEL(ask_from)(search, tile, CONEMAP__TILE * j + i, asked, CONEMAP__LOADF(x2[0] + i),
-                                              CONEMAP__LOADF(x2[1] + i), first, second, highest, some, plain);
+                    CONEMAP__KERNEL(ask_from)(search, tile, near, CONEMAP__TILE * j + i, asked,
+                                              CONEMAP__LOADF(x2[0] + i), CONEMAP__LOADF(x2[1] + i), first, second,
+                                              highest, some, plain);
             }
             if (CONEMAP__LANES == 1)
                 for (c = 0; c < 4; ++c) alive[c] |= CONEMAP__BITS(some[c]) << group;
@@ -18477,7 +18515,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, cone
         CONEMAP__KERNEL(search_part)(map, search, tile, 1);
     else if (search->sector.su != 0)
         CONEMAP__KERNEL(search_part)(map, search, tile, 0);
-    else if (search->deflate > 0.0f || search->near2 > 0.0f || search->widen2 > 1.0f)
+    else if (search->widen2 > 1.0f)
         CONEMAP__KERNEL(search_all)(map, search, tile, 0);
     else
         CONEMAP__KERNEL(search_all)(map, search, tile, 1);
