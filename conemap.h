@@ -17130,6 +17130,8 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__RUN
 #undef CONEMAP__TILE
 #undef CONEMAP__LEAST_SLACK
+#undef CONEMAP__RINGS
+#undef CONEMAP__RING_TEXELS
 #undef CONEMAP__SIGHT_REACH
 #undef CONEMAP__SIGHTS
 #undef CONEMAP__GIVEN
