@@ -440,7 +440,7 @@ static void bad_input(void)
 /* The same rays are invalid as to conemap_trace, whichever number is odd, and a stream's first one is told of. */
 static void odd_rays(void)
 {
-    static const float odd[] = {(float)NAN, (float)INFINITY, -(float)INFINITY, -1.0f, -0.0f, 1e-40f, 3e38f};
+    const float odd[] = {(float)NAN, (float)INFINITY, -(float)INFINITY, -1.0f, -0.0f, 1e-40f, 3e38f};
     enum { ODD = (int)(sizeof odd / sizeof *odd), COUNT = 8 * ODD };
     conemap_map map;
     int isa, k, c;
