@@ -3818,9 +3818,9 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
     int axis = y == 0, at = axis ? 0 : x, away = axis ? x : y, step = axis ? sights->step_y : sights->step_x;
     double along = (double)(axis ? band->b : band->a), across = (double)(axis ? band->a : band->b);
     double y0 = across * away, y1 = across * (away + 1);
-    int far, pieces, i, k;
-    for (far = 0; far < 2; ++far) {
-        double distance = far ? y1 : y0;
+    int behind, pieces, i, k;
+    for (behind = 0; behind < 2; ++behind) {
+        double distance = behind ? y1 : y0;
         for (pieces = 1; at == 0 && pieces < CONEMAP__FINEST; pieces *= 2) {
             for (i = 0; i < pieces; ++i)
                 if (conemap__steeper2(along * i / pieces, along * (i + 1) / pieces, distance, y0, y1) *
@@ -3836,16 +3836,16 @@ static void conemap__number_cell(conemap__sights *sights, const conemap__band *b
             float number = (float)(sqrt(steeper2 / (end * end + distance * distance)) * 1.000001), *to;
             k = (i + 1) / 2 * (CONEMAP__FINEST / pieces);
             if (k % CONEMAP__FINEST != 0)
-                to = &sights->side[axis][away + far][k];
+                to = &sights->side[axis][away + behind][k];
             else if (axis)
-                to = &sights->vertex[k == 0 ? 0 : step][away + far];
+                to = &sights->vertex[k == 0 ? 0 : step][away + behind];
             else
-                to = &sights->vertex[away + far][at + (k == 0 ? 0 : step)];
+                to = &sights->vertex[away + behind][at + (k == 0 ? 0 : step)];
             *to = conemap__max(*to, number);
         }
         if (pieces == 1) continue;
-        sights->cut[axis][away + far] = conemap__mini(sights->cut[axis][away + far], CONEMAP__FINEST / pieces);
-        sights->sides[axis] = conemap__maxi(sights->sides[axis], away + far);
+        sights->cut[axis][away + behind] = conemap__mini(sights->cut[axis][away + behind], CONEMAP__FINEST / pieces);
+        sights->sides[axis] = conemap__maxi(sights->sides[axis], away + behind);
     }
 }
 
@@ -17652,10 +17652,10 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(may_rise)(const conemap__sights *sigh
 /* Step 4: the bound of its slope, squared. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(patch)(const conemap__sights *sights, int k, const CONEMAP__F *rise) {
     CONEMAP__F seen = CONEMAP__F1(0.0f);
-    int axis = sights->axis[k], along = 1 << axis, foot = sights->foot[k], far, c;
+    int axis = sights->axis[k], along = 1 << axis, foot = sights->foot[k], behind, c;
     for (c = 0; c < 4; ++c) seen = CONEMAP__MAX(seen, CONEMAP__MUL(rise[c], CONEMAP__F1(sights->corner[k][c])));
-    for (far = 0; sights->away[k] > 0 && far < 2; ++far) {
-        int away = sights->away[k] + far, step = sights->cut[axis][away];
+    for (behind = 0; sights->away[k] > 0 && behind < 2; ++behind) {
+        int away = sights->away[k] + behind, step = sights->cut[axis][away];
         for (c = step; c < CONEMAP__FINEST; c += step) {
             CONEMAP__F point = CONEMAP__KERNEL(between)(sights, c, rise[foot], rise[foot ^ along]);
             seen = CONEMAP__MAX(seen, CONEMAP__MUL(point, CONEMAP__F1(sights->side[axis][away][c])));
@@ -17962,7 +17962,7 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
 /* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. What is nearer
    than near2 counts as so far away: the near field sees more of it, and fewer blocks are opened. One lane looks only
    where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near, int asked, float highest,
+CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near_d2, int asked, float highest,
                                                   CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2, CONEMAP__F y2,
                                                   CONEMAP__F *dh2, CONEMAP__F *d2) {
     CONEMAP__F dh;
@@ -17970,7 +17970,7 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near, int asked, fl
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
     *dh2 = CONEMAP__MUL(dh, dh);
     *d2 = CONEMAP__ADD(x2, y2);
-    *d2 = CONEMAP__MAX(*d2, near);
+    *d2 = CONEMAP__MAX(*d2, near_d2);
     return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
 }
 
@@ -17987,7 +17987,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CON
 }
 
 /* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
-CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near, conemap__tile *tile, int i,
+CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near_d2, conemap__tile *tile, int i,
                                                CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
                                                const float *heights, int texels, int number, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), least = CONEMAP__LOADF(tile->slope2 + i), s = least, bar;
@@ -17997,13 +17997,13 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near, conemap__tile *t
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(near, 1, heights[0], apex, bar, left, top, &dh2[0], &d2[0]);
+    beats[0] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[0], apex, bar, left, top, &dh2[0], &d2[0]);
     if (texels == 1) {
         if (!CONEMAP__ANY(beats[0])) return 0;
     } else {
-        beats[1] = CONEMAP__KERNEL(beats)(near, 1, heights[1], apex, bar, right, top, &dh2[1], &d2[1]);
-        beats[2] = CONEMAP__KERNEL(beats)(near, 1, heights[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
-        beats[3] = CONEMAP__KERNEL(beats)(near, 1, heights[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
+        beats[1] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[1], apex, bar, right, top, &dh2[1], &d2[1]);
+        beats[2] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
+        beats[3] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
         if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
     }
     decider = CONEMAP__LOADI(tile->decider + i);
@@ -18022,7 +18022,7 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near, conemap__tile *t
    the tile's corner. `plain`: without slack. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x,
                                               int y, const float *heights, int texels, int plain) {
-    const CONEMAP__F near = CONEMAP__F1(search->near2 - search->deflate);
+    const CONEMAP__F near_d2 = CONEMAP__F1(search->near2 - search->deflate);
     float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     int c, u, v, i, j, noted, any = 0;
     if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
@@ -18038,7 +18038,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
             for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
                 CONEMAP__F top = CONEMAP__KERNEL(of_row)(y2[0] + j), bottom = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    won |= CONEMAP__KERNEL(look_from)(near, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
+                    won |= CONEMAP__KERNEL(look_from)(near_d2, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
                                                       CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted,
                                                       plain);
             }
@@ -18067,7 +18067,7 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *
 }
 
 /* Texels from i on: adds those that must look into each of four blocks to `some`. */
-CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, CONEMAP__F near,
+CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, CONEMAP__F near_d2,
                                                int i, int asked, CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
                                                const float *highest, CONEMAP__M *some, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar = s;
@@ -18076,10 +18076,10 @@ CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, co
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
     if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
     bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(near, asked & 1, highest[0], apex, bar, left, top, &dh2[0], &d2[0]);
-    beats[1] = CONEMAP__KERNEL(beats)(near, asked & 2, highest[1], apex, bar, right, top, &dh2[1], &d2[1]);
-    beats[2] = CONEMAP__KERNEL(beats)(near, asked & 4, highest[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
-    beats[3] = CONEMAP__KERNEL(beats)(near, asked & 8, highest[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
+    beats[0] = CONEMAP__KERNEL(beats)(near_d2, asked & 1, highest[0], apex, bar, left, top, &dh2[0], &d2[0]);
+    beats[1] = CONEMAP__KERNEL(beats)(near_d2, asked & 2, highest[1], apex, bar, right, top, &dh2[1], &d2[1]);
+    beats[2] = CONEMAP__KERNEL(beats)(near_d2, asked & 4, highest[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
+    beats[3] = CONEMAP__KERNEL(beats)(near_d2, asked & 8, highest[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
     if (!plain && search->widen2 > 1.0f &&
         CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
         CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);
@@ -18105,7 +18105,7 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
     int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
     int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k], alive[4];
     const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
-    const CONEMAP__F near = CONEMAP__F1(search->near2 - search->deflate);
+    const CONEMAP__F near_d2 = CONEMAP__F1(search->near2 - search->deflate);
     float highest[4], x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     CONEMAP__M some[4], none = CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
     highest[0] = row[0];
@@ -18131,7 +18131,7 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
             for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
                 CONEMAP__F first = CONEMAP__KERNEL(of_row)(y2[0] + j), second = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    CONEMAP__KERNEL(ask_from)(search, tile, near, CONEMAP__TILE * j + i, asked,
+                    CONEMAP__KERNEL(ask_from)(search, tile, near_d2, CONEMAP__TILE * j + i, asked,
                                               CONEMAP__LOADF(x2[0] + i), CONEMAP__LOADF(x2[1] + i), first, second,
                                               highest, some, plain);
             }
