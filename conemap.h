@@ -18068,8 +18068,8 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *
 
 /* Texels from i on: adds those that must look into each of four blocks to `some`. */
 CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, CONEMAP__F near_d2,
-                                               int i, int asked, CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
-                                               const float *highest, CONEMAP__M *some, int plain) {
+                                               int i, int asked, CONEMAP__F left, CONEMAP__F right, CONEMAP__F top,
+                                               CONEMAP__F bottom, const float *highest, CONEMAP__M *some, int plain) {
     CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar = s;
     CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
     CONEMAP__M beats[4];
