@@ -199,7 +199,7 @@ static void same_hits(void)
     }
 }
 
-/* Maps whose records leave a texel out: rays fly past it or meet it, wherever it stands, at borders and across seams. */
+/* Maps whose records leave a texel out: rays fly past it or meet it, wherever it stands, also at borders and seams. */
 static void peaks(void)
 {
     static const int sizes[][2] = {{64, 40}, {25, 19}};
