@@ -202,11 +202,11 @@ static void same_hits(void)
 /* Maps whose records leave a texel out: rays fly past it or meet it, wherever it stands, also at borders and seams. */
 static void peaks(void)
 {
-    static const int sizes[][2] = {{64, 40}, {25, 19}};
+    static const int sizes[][2] = {{64, 40}, {25, 19}, {7, 5}};
     struct zoo_random random = zoo_seed(74);
-    int wraps, size, seed, k;
+    int wraps, size, seed, around, k;
     for (wraps = 0; wraps < 9; ++wraps)
-        for (size = 0; size < 2; ++size) {
+        for (size = 0; size < 3; ++size) {
             conemap_map map;
             conemap_prepared prepared;
             char what[80];
@@ -219,6 +219,14 @@ static void peaks(void)
                 conemap_free(&map);
             }
             CHECK(prepared.own.peaks, "%s: no peaks", what);
+            /* no clear way leads around the map, to the peak itself */
+            around = 64;
+            if (map.info.wrap_u == CONEMAP_WRAP) around = sizes[size][0];
+            if (map.info.wrap_v == CONEMAP_WRAP && sizes[size][1] < around) around = sizes[size][1];
+            for (k = 0; (size_t)k < prepared.memory_size / sizeof *prepared.table; ++k) {
+                int one = (int)(prepared.table[k] >> 8 & 15), other = (int)(prepared.table[k] >> 20 & 15);
+                CHECK(2 * one + 2 <= around && 2 * other + 2 <= around, "%s: record %d: %d %d", what, k, one, other);
+            }
             make_rays(&random, &map);
             for (k = RAYS / 3; k < RAYS; ++k) { /* low ones, that meet a peak or pass it closely */
                 float a = zoo_between(&random, 0.0f, 6.2831853f);
