@@ -729,8 +729,8 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
    P R E P A R E D   T R A C I N G
 
    The same hits, many rays at a time: the map's surface gets a table of its own, 8 bytes for each bilinear cell, from
-   which a ray reads how far it may fly into its quadrant; it then needs no cones. On flat ground a table leaves out one
-   texel that stands on it for each record, and rays fly past it. Rays are traced side by side, one in
+   which a ray reads how far it may fly into its quadrant; it then needs no cones. For flat ground on which a few texels
+   stand alone the table says where the nearest ones are, and rays fly past them. Rays are traced side by side, one in
    each lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction
    set nor on which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
    ====================================================================================================== */
@@ -2465,16 +2465,16 @@ CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
     return map->heights + (size_t)conemap__texel_index(j, map->info.height, map->info.wrap_v) * (size_t)map->info.width;
 }
 
-/* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
-   P R E P A R A T I O N. */
-#define CONEMAP__SLOTS 64
-#define CONEMAP__BLOCK 16
-/* Columns of squares of texels: the highest one, where it is, a + 64 b for a texel (a, b) from the corner, and how high
-   the others are. */
+/* Of squares of texels the highest one, where it is, a + 64 b for texel (a, b) from the corner, and how high the others
+   are. */
 typedef struct conemap__peaks {
     float *first, *place, *second;
 } conemap__peaks;
 
+/* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
+   P R E P A R A T I O N. */
+#define CONEMAP__SLOTS 64
+#define CONEMAP__BLOCK 16
 typedef struct conemap__way { /* along an axis, mirrored so that it is never flown backwards */
     double p[CONEMAP__BLOCK], v[CONEMAP__BLOCK];
     double per_v[CONEMAP__BLOCK];   /* 1 / v, 0 if it stands */
