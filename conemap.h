@@ -729,7 +729,8 @@ CONEMAP_API conemap_result conemap_trace(const conemap_map *map, const conemap_t
    P R E P A R E D   T R A C I N G
 
    The same hits, many rays at a time: the map's surface gets a table of its own, 8 bytes for each bilinear cell, from
-   which a ray reads how far it may fly into its quadrant; it then needs no cones. Rays are traced side by side, one in
+   which a ray reads how far it may fly into its quadrant; it then needs no cones. For flat ground on which a few texels
+   stand alone the table says where the nearest ones are, and rays fly past them. Rays are traced side by side, one in
    each lane of the instruction set, and every lane is exact by itself, so the bits depend neither on the instruction
    set nor on which rays are neighbours. Rays that come in a coherent order (an image's pixels) are the fastest.
    ====================================================================================================== */
@@ -753,6 +754,7 @@ typedef struct conemap_prepared {
         void *memory;
         int owns_memory;
         conemap_allocator allocator;
+        int peaks; /* what its records tell of: see P R E P A R A T I O N */
     } own;
 } conemap_prepared;
 
@@ -773,8 +775,8 @@ typedef struct conemap_hit_arrays { /* any may be null: not wanted */
 /* Prepares a map for tracing. Needs heights only: whatever cones a map has or lacks, its prepared tracer misses
    nothing.
    map: stays where it is while *prepared is in use; after conemap_update, prepare again. desc: null for the defaults.
-   prepared: overwritten; zeroed unless OK. Takes the table and, during the call, about twice as much again from the
-   allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW (also of an axis beyond 2^21 texels), MEMORY, BUFFER,
+   prepared: overwritten; zeroed unless OK. Takes the table and, during the call, up to four times as much again from
+   the allocator. Errors: NULL, ENUM, UNSUPPORTED (isa), OVERFLOW (also of an axis beyond 2^21 texels), MEMORY, BUFFER,
    ALIGNMENT. Thread-safe. Source: the max pyramid of [TIS08] and the cones of [Dum06], by quadrant. */
 CONEMAP_API conemap_result conemap_prepare(const conemap_map *map, const conemap_prepare_desc *desc,
                                            conemap_prepared *prepared);
@@ -2463,6 +2465,12 @@ CONEMAP__INLINE const float *conemap__level_row(const conemap_map *map, int j) {
     return map->heights + (size_t)conemap__texel_index(j, map->info.height, map->info.wrap_v) * (size_t)map->info.width;
 }
 
+/* Of squares of texels the highest one, where it is, a + 64 b for texel (a, b) from the corner, and how high the others
+   are. */
+typedef struct conemap__peaks {
+    float *first, *place, *second;
+} conemap__peaks;
+
 /* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
    P R E P A R A T I O N. */
 #define CONEMAP__SLOTS 64
@@ -2522,6 +2530,7 @@ typedef struct conemap__stream {
 
 typedef struct conemap__flight {
     const uint32_t *table;
+    int peaks;                      /* its records have peaks instead of slopes */
     int32_t pitch;                  /* of its rows */
     int strip;                      /* see conemap__record_strip */
     const float *heights;
@@ -2698,6 +2707,9 @@ typedef struct conemap__kernels {
     void (*larger_row)(const float *a, const float *b, int count, float *out);
     void (*rise_row)(const float *squares, int shift, const float *tops, float per_reach, int32_t code, int count,
                      float *slopes, int32_t *clear);
+    /* The same with peaks; those of the second row count as so much farther away. */
+    void (*higher_row)(conemap__peaks a, conemap__peaks b, float farther, int count, conemap__peaks out);
+    void (*peaks_row)(conemap__peaks squares, int shift, const float *tops, int32_t code, int count, int32_t *clear);
     /* Traces the flight's stream. */
     void (*fly)(conemap__flight *flight);
 } conemap__kernels;
@@ -2708,7 +2720,8 @@ typedef struct conemap__kernels {
       conemap__maxima_row_##isa, conemap__ring_row_##isa, conemap__sights_row_##isa, conemap__sides_row_##isa, \
       conemap__vertices_row_##isa, conemap__cells_row_##isa, conemap__steepest_row_##isa, \
       conemap__quick_row_##isa, conemap__search_tile_##isa,                                                         \
-      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__fly_##isa }
+      conemap__larger_row_##isa, conemap__rise_row_##isa, conemap__higher_row_##isa, conemap__peaks_row_##isa,      \
+      conemap__fly_##isa }
 
 /* ---- plain C ------------------------------------------------------------------------------------------------- */
 #define CONEMAP__LANES 1
@@ -7424,10 +7437,20 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
 
    The table. A record belongs to a cell c of the map (the outer half cells of CLAMP have the same texels as their
    neighbours and share theirs). It is two words, for rays that fly forth and back along v, in a plane each, the second
-   upside down, as those rays see it. A word holds the top in 12 bits, and for rays that fly forth and back along u a
-   clear way and a slope in 5 bits each. Let R_k be the highest point of the square of cells whose corner is c and that
-   reaches k cells beyond c along both axes of the quadrant, WRAP's images included. Then
+   upside down, as those rays see it. A word holds a top, and for rays that fly forth and back along u a clear way and
+   either a slope or a peak, the same for all of a map. Let R_k be the highest point of the square of cells whose corner
+   is c and that reaches k cells beyond c along both axes of the quadrant, WRAP's images included. With slopes the top
+   has 12 bits, and clear way and slope have 5 each:
        top >= R_0,   R_clear <= top,   R_k <= top + slope k  for all k >= 1.
+   A peak is one texel (a, b), counted from the near corner of c. The top has 8 bits, the clear way, in twos, a and b
+   have 4 each. Let Q_k be R_k with the peak left out, which is over the cells of the square that do not touch it:
+       top >= R_0,   Q_clear <= top.
+   So a map of flat ground and a few texels that stand on it alone, in whose slopes a ray would hardly get on, shows it
+   the way to the second nearest of them and where the nearest is. Every texel from c to clear + 1 along both axes is
+   among the corners of the square, once, so its two highest texels tell all: if the second is at most top, the first
+   is the peak. Where there is none it is (15, 15). From the half cells of CLAMP a peak is not where their record says:
+   from the first ones it is a cell farther, so the records that they share have none; from the last ones, beyond which
+   no texel is, it says 0 or 1 along that axis, which counts them among the peak's cells.
    Distances and speeds are counted in cells along the faster axis, so no root is needed.
 
    Steps. A ray over c that has flown a distance s > 0 along its faster axis has flown no more along the other one, so
@@ -7435,10 +7458,12 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
    counts as the cell. So the surface under the ray is
        (a) at most top while it is over c;
        (b) at most top for s <= clear;
-       (c) at most top + slope (s + 1) for every s, since ceil(s) < s + 1.
+       (c) at most top + slope (s + 1) for every s, since ceil(s) < s + 1;
+       (d) with a peak, at most top for s <= clear, but over the cells a - 1 to a along u and b - 1 to b along v.
    At height z = top + gap, gap > 0, with vertical speed vz and V cells a time, it may therefore go on
        (a) to the border of c, or (b) for clear / V, but in both cases no longer than it stays above top: gap / -vz;
-       (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever.
+       (c) while gap + vz t >= slope (V t + 1), which is for (gap - slope) / (slope V - vz), or for ever;
+       (d) as (b), but only until it is between the borders a - 1 and a + 1 and between b - 1 and b + 1.
    Flights are in floats, twice as many side by side. Where they do not get out of c for certain, the ray is close: the
    patch of c is met in doubles, as conemap__trace_exact meets it, for as long as the ray is over c. Each step leaves a
    cell behind, so no epsilon and no cap are needed. Cones play no part, and a ray that begins or ends at or below top
@@ -7458,13 +7483,20 @@ CONEMAP__DEF conemap_result conemap_trace(const conemap_map *map, const conemap_
    which makes (1), and the time becomes early, (2). Otherwise, also along a border and through corners, the patch is
    met: in doubles c has an exact beginning and end, between which the ray is met from t on, if it is still there. The
    time after it is rounded down.
+   (d) counts the times of a peak's borders from those of the borders ahead, which two more roundings bring to an error
+   of e; borders beyond N, which may be off by more, still come after the ray's end. Until `come`, when the later of the
+   two near ones is early, the ray is not among the peak's cells, and if a far one is late before that, it never is.
+   Otherwise the time becomes come. On the axis of that border c becomes the peak's cell if the border is late before
+   clear way and sinking end it, so that the ray is above top until it comes there, (1), and at come it is 2 e before
+   it, (2); on the other axis, as else, it becomes the cell of the position less e.
 
-   Rounding. Heights are floats, top a multiple of 2^-12: rise, quotient and product in rise_row are off by less than
-   3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is rounded up to its 5 bits, the last of which
-   stands for 1, and the ways are whole numbers. Between the reaches that these can tell, all squares up to the next
-   reach count at the lower one. Patches are met in doubles: cell borders at times off by less than 4 2^-53 N cells'
-   worth: on the steepest wall, a height of 1 in one cell, 2^-29 of height, far below the 2^-20 of a miss. Where a
-   square wraps around the map more than once, it holds everything, and so does the last reach.
+   Rounding. Heights are floats, top a multiple of 2^-12 or the product that stands for its 8 bits: rise, quotient and
+   product in rise_row are off by less than 3 2^-24 of themselves; the slope grows by 2^-19 of itself before it is
+   rounded up to its 5 bits, the last of which stands for 1, and the ways are whole numbers. Between the reaches that
+   these can tell, all squares up to the next reach count at the lower one. Patches are met in doubles: cell borders at
+   times off by less than 4 2^-53 N cells' worth: on the steepest wall, a height of 1 in one cell, 2^-29 of height, far
+   below the 2^-20 of a miss. With slopes, where a square wraps around the map more than once, it holds everything, and
+   so does the last reach.
    ====================================================================================================== */
 
 /* Distances that a record can tell: (4 + c % 4) / 4 * 2^(c / 4), where whole. */
@@ -7505,8 +7537,9 @@ typedef struct conemap__look {
     float *squares, *next; /* maxima over squares of cells from each cell on */
     int side;              /* of the squares */
     float *slopes;         /* the steepest seen so far */
-    int32_t *clear;        /* the code of the widest clear way found */
+    int32_t *clear;        /* the code of the widest clear way found; with peaks, all of the quadrant's bits */
     float *row;            /* 2 w */
+    conemap__peaks peaks, next_peaks, row_peaks; /* instead of squares, next and row, which has 32 more than w */
 } conemap__look;
 
 /* The row `to`, beyond the table the last one or around it. */
@@ -7538,6 +7571,124 @@ static void conemap__look_double(conemap__look *look) {
     look->next = look->squares;
     look->squares = swap;
     look->side *= 2;
+}
+
+static conemap__peaks conemap__peaks_at(conemap__peaks peaks, size_t at) {
+    peaks.first += at;
+    peaks.place += at;
+    peaks.second += at;
+    return peaks;
+}
+
+/* As conemap__look_rows. Beyond a border that does not wrap there is nothing. */
+static void conemap__peaks_rows(const conemap__look *look, int y, int d) {
+    const conemap_info *info = &look->map->info;
+    size_t w = (size_t)look->w;
+    int from = y + d < look->h ? y + d : info->wrap_v == CONEMAP_WRAP ? y + d - look->h : y, x;
+    look->kernels->higher_row(conemap__peaks_at(look->peaks, (size_t)y * w),
+                              conemap__peaks_at(look->peaks, (size_t)from * w), from == y ? 0.0f : 64.0f * (float)d,
+                              look->w, look->row_peaks);
+    for (x = 0; x < d; ++x) {
+        int wraps = info->wrap_u == CONEMAP_WRAP;
+        look->row_peaks.first[look->w + x] = wraps ? look->row_peaks.first[x] : -1.0f;
+        look->row_peaks.place[look->w + x] = wraps ? look->row_peaks.place[x] : 0.0f;
+        look->row_peaks.second[look->w + x] = wraps ? look->row_peaks.second[x] : -1.0f;
+    }
+}
+
+static void conemap__peaks_double(conemap__look *look) {
+    conemap__peaks swap = look->next_peaks;
+    int y;
+    for (y = 0; y < look->h; ++y) {
+        conemap__peaks_rows(look, y, look->side);
+        look->kernels->higher_row(look->row_peaks, conemap__peaks_at(look->row_peaks, (size_t)look->side),
+                                  (float)look->side, look->w,
+                                  conemap__peaks_at(look->next_peaks, (size_t)y * (size_t)look->w));
+    }
+    look->next_peaks = look->peaks;
+    look->peaks = swap;
+    look->side *= 2;
+}
+
+/* The least code, of 255ths, that stands for a top no lower. */
+static int conemap__peak_code(float top) {
+    int code = (int)(top * 255.0f);
+    return (float)code * (1.0f / 255.0f) < top ? code + 1 : code;
+}
+
+static void conemap__peaks_quadrant(conemap__look *look, int quadrant) {
+    const conemap_map *map = look->map;
+    int w = look->w, h = look->h, x, y, code, k;
+    look->flip_u = quadrant & 1;
+    look->flip_v = quadrant >> 1;
+    look->side = 1;
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            conemap__corners c = conemap__gather(
+                map->heights, conemap__cell_quad(map, look->flip_u ? w - 1 - x : x, look->flip_v ? h - 1 - y : y));
+            float corner[4], first = -1.0f, second = -1.0f;
+            int place = 0;
+            corner[0] = c.h00;
+            corner[1] = c.h10;
+            corner[2] = c.h01;
+            corner[3] = c.h11;
+            for (k = 0; k < 4; ++k) {
+                if (corner[k] > first) {
+                    second = first;
+                    first = corner[k];
+                    place = k ^ quadrant;
+                } else {
+                    second = conemap__max(second, corner[k]);
+                }
+            }
+            look->peaks.first[at] = first;
+            look->peaks.place[at] = (float)((place & 1) + 64 * (place >> 1));
+            /* the first cells serve the half cells before them, too, from which a peak is farther: they have none */
+            if ((x == 0 && map->info.wrap_u == CONEMAP_CLAMP) || (y == 0 && map->info.wrap_v == CONEMAP_CLAMP))
+                second = 2.0f;
+            look->peaks.second[at] = second;
+            look->tops[at] = (float)conemap__peak_code(first) * (1.0f / 255.0f);
+            look->clear[at] = 255;
+        }
+    for (code = 1; code < 16; ++code) {
+        int side = 2 * code + 1;
+        /* no square wraps onto itself */
+        if ((map->info.wrap_u == CONEMAP_WRAP && side >= w) || (map->info.wrap_v == CONEMAP_WRAP && side >= h)) break;
+        while (2 * look->side < side) conemap__peaks_double(look);
+        for (y = 0; y < h; ++y) {
+            size_t at = (size_t)y * (size_t)w;
+            conemap__peaks_rows(look, y, side - look->side);
+            look->kernels->peaks_row(look->row_peaks, side - look->side, look->tops + at, code, w, look->clear + at);
+        }
+    }
+    for (y = 0; y < h; ++y)
+        for (x = 0; x < w; ++x) {
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            uint32_t *record = &look->table[conemap__record(look->strip, w, look->flip_u ? w - 1 - x : x,
+                                                            (look->flip_v ? h : 0) + y)];
+            if (!look->flip_u) *record = (uint32_t)conemap__peak_code(look->tops[at]) << 24;
+            *record |= (uint32_t)look->clear[at] << (look->flip_u ? 12 : 0);
+        }
+}
+
+/* Do peaks tell more than slopes? They are taken to if of some squares of 17 texels a quarter hold just one that is
+   higher than the cell at their corner. */
+static int conemap__has_peaks(const conemap_map *map, int w, int h) {
+    enum { SIDE = 16, SAMPLES = 32 };
+    int x, y, a, b, alone = 0;
+    for (y = 0; y < SAMPLES; ++y)
+        for (x = 0; x < SAMPLES; ++x) {
+            int i = (int)((2 * (int64_t)x + 1) * w / (2 * SAMPLES)), higher = 0;
+            int j = (int)((2 * (int64_t)y + 1) * h / (2 * SAMPLES));
+            float top = conemap__highest(conemap__gather(map->heights, conemap__cell_quad(map, i, j)));
+            for (b = 0; b <= SIDE && higher < 2; ++b)
+                for (a = 0; a <= SIDE; ++a)
+                    if (i + a < map->info.width && j + b < map->info.height)
+                        higher += map->heights[(size_t)(j + b) * (size_t)map->info.width + (size_t)(i + a)] > top;
+            alone += higher == 1;
+        }
+    return 4 * alone >= SAMPLES * SAMPLES;
 }
 
 static void conemap__look_quadrant(conemap__look *look, int quadrant) {
@@ -7601,7 +7752,7 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     conemap_result result;
     void *work = NULL;
     size_t cells, bytes = 0;
-    int quadrant, owns_work = 0;
+    int quadrant, owns_work = 0, peaks;
     if (!prepared) return CONEMAP_ERROR_NULL;
     memset(prepared, 0, sizeof *prepared);
     if (!map || !map->heights) return CONEMAP_ERROR_NULL;
@@ -7619,12 +7770,17 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
     look.strip = conemap__record_strip(map);
     cells = (size_t)look.w * (size_t)look.h;
     prepared->memory_size = conemap_prepare_memory(map);
-    if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21 ||
-        !conemap__add_size(&bytes, cells, 5 * sizeof(float)) ||
-        !conemap__add_size(&bytes, (size_t)look.w, 2 * sizeof(float))) {
+    if (prepared->memory_size == 0 || conemap__maxi(look.w, look.h) > 1 << 21) {
         memset(prepared, 0, sizeof *prepared);
         return CONEMAP_ERROR_OVERFLOW;
     }
+    peaks = conemap__has_peaks(map, look.w, look.h);
+    if (!conemap__add_size(&bytes, cells, (peaks ? 8 : 5) * sizeof(float)) ||
+        !conemap__add_size(&bytes, (size_t)look.w + (peaks ? 32 : 0), (peaks ? 3 : 2) * sizeof(float))) {
+        memset(prepared, 0, sizeof *prepared);
+        return CONEMAP_ERROR_OVERFLOW;
+    }
+    prepared->own.peaks = peaks;
     prepared->map = map;
     prepared->width = look.w;
     prepared->height = look.h;
@@ -7638,12 +7794,23 @@ CONEMAP__DEF conemap_result conemap_prepare(const conemap_map *map, const conema
         prepared->table = look.table = (uint32_t *)prepared->own.memory;
         memset(prepared->own.memory, 0, prepared->memory_size); /* the last strip may have rows to spare */
         look.tops = (float *)work;
-        look.squares = look.tops + cells;
-        look.next = look.squares + cells;
-        look.slopes = look.next + cells;
-        look.clear = (int32_t *)(void *)(look.slopes + cells);
-        look.row = look.slopes + 2 * cells;
-        for (quadrant = 0; quadrant < 4; ++quadrant) conemap__look_quadrant(&look, quadrant);
+        look.clear = (int32_t *)(void *)(look.tops + cells);
+        if (peaks) {
+            look.peaks.first = look.tops + 2 * cells;
+            look.peaks.place = look.tops + 3 * cells;
+            look.peaks.second = look.tops + 4 * cells;
+            look.next_peaks = conemap__peaks_at(look.peaks, 3 * cells);
+            look.row_peaks.first = look.tops + 8 * cells;
+            look.row_peaks.place = look.row_peaks.first + look.w + 32;
+            look.row_peaks.second = look.row_peaks.place + look.w + 32;
+            for (quadrant = 0; quadrant < 4; ++quadrant) conemap__peaks_quadrant(&look, quadrant);
+        } else {
+            look.squares = look.tops + 2 * cells;
+            look.next = look.squares + cells;
+            look.slopes = look.next + cells;
+            look.row = look.slopes + cells;
+            for (quadrant = 0; quadrant < 4; ++quadrant) conemap__look_quadrant(&look, quadrant);
+        }
     }
     conemap__release(&settings.allocator, work, owns_work);
     if (result != CONEMAP_OK) conemap_free_prepared(prepared);
@@ -7684,6 +7851,7 @@ static conemap_result conemap__fly_stream(const conemap_prepared *prepared, cons
     f.blocks = (conemap__block_of_rays *)(void *)(room + (64 - (uintptr_t)room % 64) % 64); /* whole cache lines */
     f.waiting = f.blocks + CONEMAP__SLOTS / CONEMAP__BLOCK;
     f.table = prepared->table;
+    f.peaks = prepared->own.peaks;
     f.pitch = prepared->width;
     f.strip = conemap__record_strip(prepared->map);
     f.heights = prepared->map->heights;
@@ -18549,6 +18717,57 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(rise_row)(const float *squares, int shift
     }
 }
 
+/* What two squares hold together. One texel may be the highest of both. */
+CONEMAP__HELPER void CONEMAP__KERNEL(higher)(conemap__peaks a, conemap__peaks b, float farther, int x, int count,
+                                             CONEMAP__F *first, CONEMAP__F *place, CONEMAP__F *second) {
+    CONEMAP__F first_a = CONEMAP__KERNEL(load)(a.first + x, count), first_b = CONEMAP__KERNEL(load)(b.first + x, count);
+    CONEMAP__F place_a = CONEMAP__KERNEL(load)(a.place + x, count);
+    CONEMAP__F place_b = CONEMAP__ADD(CONEMAP__KERNEL(load)(b.place + x, count), CONEMAP__F1(farther));
+    CONEMAP__F others = CONEMAP__MAX(CONEMAP__KERNEL(load)(a.second + x, count),
+                                     CONEMAP__KERNEL(load)(b.second + x, count));
+    CONEMAP__M differ = CONEMAP__OR(CONEMAP__LT(place_a, place_b), CONEMAP__LT(place_b, place_a));
+    CONEMAP__M is_b = CONEMAP__LT(first_a, first_b);
+    *second = CONEMAP__PICK(differ, CONEMAP__MAX(others, CONEMAP__MIN(first_a, first_b)), others);
+    *first = CONEMAP__MAX(first_a, first_b);
+    *place = CONEMAP__PICK(is_b, place_b, place_a);
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(higher_row)(conemap__peaks a, conemap__peaks b, float farther, int count,
+                                                   conemap__peaks out) {
+    int x;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F first, place, second;
+        CONEMAP__KERNEL(higher)(a, b, farther, x, count - x, &first, &place, &second);
+        CONEMAP__KERNEL(store)(out.first + x, first, count - x);
+        CONEMAP__KERNEL(store)(out.place + x, place, count - x);
+        CONEMAP__KERNEL(store)(out.second + x, second, count - x);
+    }
+}
+
+CONEMAP__FUNCTION void CONEMAP__KERNEL(peaks_row)(conemap__peaks squares, int shift, const float *tops, int32_t code,
+                                                  int count, int32_t *clear) {
+    conemap__peaks right = squares;
+    int x;
+    right.first += shift;
+    right.place += shift;
+    right.second += shift;
+    for (x = 0; x < count; x += CONEMAP__LANES) {
+        CONEMAP__F top = CONEMAP__KERNEL(load)(tops + x, count - x), first, place, second;
+        CONEMAP__I own = CONEMAP__BITSI(CONEMAP__KERNEL(load)((const float *)(const void *)(clear + x), count - x));
+        CONEMAP__I at, a, b;
+        CONEMAP__M is_near;
+        CONEMAP__KERNEL(higher)(squares, right, (float)shift, x, count - x, &first, &place, &second);
+        at = CONEMAP__TOI(place);
+        a = CONEMAP__IAND(at, CONEMAP__I1(63));
+        b = CONEMAP__ISHR(at, 6);
+        is_near = CONEMAP__AND(CONEMAP__LE(second, top), CONEMAP__IGT(CONEMAP__I1(16), CONEMAP__IOR(a, b)));
+        a = CONEMAP__IOR(CONEMAP__IOR(a, CONEMAP__ISHL(b, 4)), CONEMAP__I1(code << 8));
+        own = CONEMAP__PICKI(is_near, a, own);
+        own = CONEMAP__PICKI(CONEMAP__LE(first, top), CONEMAP__I1(code << 8 | 255), own);
+        CONEMAP__KERNEL(store)((float *)(void *)(clear + x), CONEMAP__BITSF(own), count - x);
+    }
+}
+
 CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(clamp01)(CONEMAP__D x) {
     return CONEMAP__MAXD(CONEMAP__MIND(x, CONEMAP__D1(1.0)), CONEMAP__D1(0.0));
 }
@@ -18663,18 +18882,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     CONEMAP__F vz = CONEMAP__LOADF(rays->vz + at), state = CONEMAP__LOADF(rays->state + at);
     CONEMAP__F reach = CONEMAP__LOADF(rays->reach + at);
     CONEMAP__I record = CONEMAP__GATHERI(f->table, rays->record + at);
-    CONEMAP__I quadrant = CONEMAP__PICKI(CONEMAP__LT(CONEMAP__LOADF(u->sign + at), zero), CONEMAP__ISHR(record, 10),
-                                         record);
-    CONEMAP__I slope_code = CONEMAP__IAND(quadrant, CONEMAP__I1(31));
-    CONEMAP__F top = CONEMAP__MUL(CONEMAP__TOF(CONEMAP__IADD(CONEMAP__ISHR(record, 20), CONEMAP__I1(1))),
-                                  CONEMAP__F1(1.0f / 4096.0f));
-    CONEMAP__F slope, clear, gap, late_i, late_j, early_i, early_j, sink, cone, level, stop, to_i, to_j, over;
+    CONEMAP__M mirrored = CONEMAP__LT(CONEMAP__LOADF(u->sign + at), zero);
+    CONEMAP__F top, gap, late_i, late_j, early_i, early_j, sink, cone, level, stop, to_i, to_j, over, peak_i, peak_j;
     CONEMAP__M flies, above, goes, far_on, next_i, next_j, passes;
-    /* slope and clear way have a float's exponent and two bits of its fraction */
-    slope = CONEMAP__PICK(CONEMAP__IGT(slope_code, CONEMAP__I1(30)), one,
-                          CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__ISHL(slope_code, 21), CONEMAP__I1((127 - 10) << 23))));
-    clear = CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__IAND(CONEMAP__ISHL(quadrant, 16), CONEMAP__I1(31 << 21)),
-                                         CONEMAP__I1(127 << 23))); /* and 1 */
+    if (f->peaks)
+        top = CONEMAP__MUL(CONEMAP__TOF(CONEMAP__ISHR(record, 24)), CONEMAP__F1(1.0f / 255.0f));
+    else
+        top = CONEMAP__MUL(CONEMAP__TOF(CONEMAP__IADD(CONEMAP__ISHR(record, 20), CONEMAP__I1(1))),
+                           CONEMAP__F1(1.0f / 4096.0f));
     gap = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__LOADF(rays->z + at), CONEMAP__MUL(vz, t)), top);
     late_i = CONEMAP__ADD(CONEMAP__MUL(CONEMAP__ADD(i, one), CONEMAP__LOADF(u->per_v + at)),
                           CONEMAP__LOADF(u->late + at));
@@ -18683,10 +18898,49 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
     early_i = CONEMAP__SUB(late_i, CONEMAP__LOADF(u->early + at));
     early_j = CONEMAP__SUB(late_j, CONEMAP__LOADF(v->early + at));
     sink = CONEMAP__ADD(t, CONEMAP__MUL(gap, CONEMAP__LOADF(rays->sink + at)));
-    cone = CONEMAP__ADD(t, CONEMAP__DIV(
-        CONEMAP__MAX(CONEMAP__SUB(gap, CONEMAP__MUL(slope, reach)), zero),
-        CONEMAP__MAX(CONEMAP__SUB(CONEMAP__MUL(CONEMAP__LOADF(rays->major + at), slope), vz), CONEMAP__F1(1e-30f))));
-    level = CONEMAP__ADD(t, CONEMAP__MUL(CONEMAP__SUB(clear, reach), CONEMAP__LOADF(rays->per_major + at)));
+    if (f->peaks) {
+        CONEMAP__I quadrant = CONEMAP__PICKI(mirrored, CONEMAP__ISHR(record, 12), record);
+        CONEMAP__F clear = CONEMAP__TOF(CONEMAP__IAND(CONEMAP__ISHR(quadrant, 7), CONEMAP__I1(30)));
+        /* from the borders ahead to the peak's cells, and through them */
+        CONEMAP__F a = CONEMAP__SUB(CONEMAP__TOF(CONEMAP__IAND(quadrant, CONEMAP__I1(15))), CONEMAP__F1(2.0f));
+        CONEMAP__F b = CONEMAP__SUB(CONEMAP__TOF(CONEMAP__IAND(CONEMAP__ISHR(quadrant, 4), CONEMAP__I1(15))),
+                                    CONEMAP__F1(2.0f));
+        CONEMAP__F per_u = CONEMAP__LOADF(u->per_v + at), per_v = CONEMAP__LOADF(v->per_v + at);
+        CONEMAP__F ahead_i = CONEMAP__MUL(a, per_u), ahead_j = CONEMAP__MUL(b, per_v);
+        CONEMAP__F come_i = CONEMAP__ADD(early_i, ahead_i), come_j = CONEMAP__ADD(early_j, ahead_j);
+        CONEMAP__F come = CONEMAP__MAX(come_i, come_j);
+        CONEMAP__F there_i = CONEMAP__ADD(late_i, ahead_i), there_j = CONEMAP__ADD(late_j, ahead_j);
+        CONEMAP__F gone = CONEMAP__MIN(CONEMAP__ADD(there_i, CONEMAP__ADD(per_u, per_u)),
+                                       CONEMAP__ADD(there_j, CONEMAP__ADD(per_v, per_v)));
+        CONEMAP__M comes, along_v = CONEMAP__LT(come_i, come_j);
+        level = CONEMAP__ADD(t, CONEMAP__MUL(CONEMAP__SUB(CONEMAP__ADD(clear, one), reach),
+                                             CONEMAP__LOADF(rays->per_major + at)));
+        level = CONEMAP__MIN(level, sink);
+        comes = CONEMAP__LE(come, CONEMAP__MIN(gone, level));
+        peak_i = CONEMAP__PICK(CONEMAP__AND(CONEMAP__ANDNOT(comes, along_v), CONEMAP__LE(there_i, level)),
+                               CONEMAP__ADD(CONEMAP__ADD(i, one), a), i);
+        peak_j = CONEMAP__PICK(CONEMAP__AND(CONEMAP__AND(comes, along_v), CONEMAP__LE(there_j, level)),
+                               CONEMAP__ADD(CONEMAP__ADD(j, one), b), j);
+        level = CONEMAP__PICK(comes, come, level);
+        cone = t;
+    } else {
+        peak_i = i;
+        peak_j = j;
+        CONEMAP__I quadrant = CONEMAP__PICKI(mirrored, CONEMAP__ISHR(record, 10), record);
+        CONEMAP__I slope_code = CONEMAP__IAND(quadrant, CONEMAP__I1(31));
+        CONEMAP__F slope, clear;
+        /* slope and clear way have a float's exponent and two bits of its fraction */
+        slope = CONEMAP__PICK(CONEMAP__IGT(slope_code, CONEMAP__I1(30)), one,
+                              CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__ISHL(slope_code, 21),
+                                                           CONEMAP__I1((127 - 10) << 23))));
+        clear = CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__IAND(CONEMAP__ISHL(quadrant, 16), CONEMAP__I1(31 << 21)),
+                                             CONEMAP__I1(127 << 23))); /* and 1 */
+        cone = CONEMAP__ADD(t, CONEMAP__DIV(
+            CONEMAP__MAX(CONEMAP__SUB(gap, CONEMAP__MUL(slope, reach)), zero),
+            CONEMAP__MAX(CONEMAP__SUB(CONEMAP__MUL(CONEMAP__LOADF(rays->major + at), slope), vz),
+                         CONEMAP__F1(1e-30f))));
+        level = CONEMAP__ADD(t, CONEMAP__MUL(CONEMAP__SUB(clear, reach), CONEMAP__LOADF(rays->per_major + at)));
+    }
     stop = CONEMAP__MAX(cone, CONEMAP__MIN(level, sink));
     over = CONEMAP__MIN(sink, CONEMAP__MIN(early_i, early_j));
     flies = CONEMAP__LT(state, CONEMAP__F1(0.5f));
@@ -18697,8 +18951,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
                                                   CONEMAP__MUL(CONEMAP__LOADF(u->v + at), stop))));
     to_j = CONEMAP__TOF(CONEMAP__TOI(CONEMAP__ADD(CONEMAP__LOADF(v->behind + at),
                                                   CONEMAP__MUL(CONEMAP__LOADF(v->v + at), stop))));
-    to_i = CONEMAP__MAX(to_i, i);
-    to_j = CONEMAP__MAX(to_j, j);
+    to_i = CONEMAP__MAX(to_i, peak_i);
+    to_j = CONEMAP__MAX(to_j, peak_j);
     far_on = CONEMAP__OR(CONEMAP__LT(i, to_i), CONEMAP__LT(j, to_j));
     next_i = CONEMAP__ANDNOT(CONEMAP__AND(CONEMAP__LT(late_i, early_j), CONEMAP__LE(late_i, sink)), far_on);
     next_j = CONEMAP__ANDNOT(CONEMAP__AND(CONEMAP__LT(late_j, early_i), CONEMAP__LE(late_j, sink)), far_on);
@@ -18866,14 +19120,16 @@ CONEMAP__HELPER CONEMAP__D CONEMAP__KERNEL(board_axis)(const conemap__flight_axi
     return CONEMAP__ADDD(p, CONEMAP__MULD(v, t_end));
 }
 
-/* The way in floats, whose positions are off by half of `error` at most. */
+/* The way in floats, whose positions are off by half of `error` at most. A ray that stands creeps, so that borders
+   ahead of it and behind it lie in the future and in the past. */
 CONEMAP__HELPER void CONEMAP__KERNEL(board_fast)(const conemap__way *way, conemap__fast_way *fast, CONEMAP__D error) {
-    CONEMAP__D per_v = CONEMAP__LOADD(way->per_v), twice = CONEMAP__MULD(CONEMAP__ADDD(error, error), per_v);
-    CONEMAP__D border = CONEMAP__KERNEL(border)(CONEMAP__LOADD(way->p), per_v, CONEMAP__D1(0.0));
-    CONEMAP__STOREDF(fast->behind, CONEMAP__SUBD(CONEMAP__LOADD(way->p), error));
+    CONEMAP__D p = CONEMAP__LOADD(way->p), per_v = CONEMAP__LOADD(way->per_v), twice;
+    per_v = CONEMAP__PICKD(CONEMAP__LTD(CONEMAP__D1(0.0), per_v), per_v, CONEMAP__D1(1e30));
+    twice = CONEMAP__MULD(CONEMAP__ADDD(error, error), per_v);
+    CONEMAP__STOREDF(fast->behind, CONEMAP__SUBD(p, error));
     CONEMAP__STOREDF(fast->v, CONEMAP__LOADD(way->v));
     CONEMAP__STOREDF(fast->per_v, per_v);
-    CONEMAP__STOREDF(fast->late, CONEMAP__MIND(CONEMAP__ADDD(border, twice), CONEMAP__D1(1e30)));
+    CONEMAP__STOREDF(fast->late, CONEMAP__SUBD(twice, CONEMAP__MULD(p, per_v)));
     CONEMAP__STOREDF(fast->early, CONEMAP__ADDD(twice, twice));
 }
 

@@ -12,6 +12,7 @@
 
 #define MISS (1.0 / 1048576.0)
 #define RAYS 320
+#define PEAKS ZOO_KINDS /* a kind of map: flat ground, on which a few texels stand alone */
 
 static conemap_ray rays[RAYS];
 static conemap_hit expected[RAYS], hits[RAYS];
@@ -20,7 +21,15 @@ static int build(int kind, int w, int h, int wraps, uint32_t seed, conemap_map *
 {
     static float heights[80 * 80];
     conemap_desc desc;
-    zoo_fill(kind, w, h, seed, heights);
+    if (kind == PEAKS) {
+        struct zoo_random random = zoo_seed(seed);
+        int k;
+        for (k = 0; k < w * h; ++k)
+            heights[k] = zoo_below(&random, 150) == 0 ? zoo_between(&random, 0.2f, 1.0f)
+                         : k % w < w / 4 ? 0.125f : 0.0f;
+    } else {
+        zoo_fill(kind, w, h, seed, heights);
+    }
     memset(&desc, 0, sizeof desc);
     desc.heights.pixels = heights;
     desc.heights.width = w;
@@ -29,7 +38,7 @@ static int build(int kind, int w, int h, int wraps, uint32_t seed, conemap_map *
     desc.wrap_v = (conemap_wrap)(wraps / 3);
     desc.aspect = 1.5f;
     desc.keep_pyramid = wraps % 2;
-    return CHECK(conemap_build(&desc, map) == CONEMAP_OK, "build %s", zoo_name(kind));
+    return CHECK(conemap_build(&desc, map) == CONEMAP_OK, "build %s", kind == PEAKS ? "peaks" : zoo_name(kind));
 }
 
 /* Rays from above and beside, inside, level, along the axes, through vertices, corner to corner, short, and some that are
@@ -190,6 +199,53 @@ static void same_hits(void)
     }
 }
 
+/* Maps whose records leave a texel out: rays fly past it or meet it, wherever it stands, also at borders and seams. */
+static void peaks(void)
+{
+    static const int sizes[][2] = {{64, 40}, {25, 19}, {7, 5}};
+    struct zoo_random random = zoo_seed(74);
+    int wraps, size, seed, around, k;
+    for (wraps = 0; wraps < 9; ++wraps)
+        for (size = 0; size < 3; ++size) {
+            conemap_map map;
+            conemap_prepared prepared;
+            char what[80];
+            snprintf(what, sizeof what, "%d x %d wraps %d %d", sizes[size][0], sizes[size][1], wraps % 3, wraps / 3);
+            for (seed = 0;; ++seed) { /* until peaks are what suits it */
+                if (!build(PEAKS, sizes[size][0], sizes[size][1], wraps, (uint32_t)(9 * seed + wraps), &map)) return;
+                REQUIRE(conemap_prepare(&map, NULL, &prepared) == CONEMAP_OK, "%s: prepare", what);
+                if (prepared.own.peaks || seed == 99) break;
+                conemap_free_prepared(&prepared);
+                conemap_free(&map);
+            }
+            CHECK(prepared.own.peaks, "%s: no peaks", what);
+            /* no clear way leads around the map, to the peak itself */
+            around = 64;
+            if (map.info.wrap_u == CONEMAP_WRAP) around = sizes[size][0];
+            if (map.info.wrap_v == CONEMAP_WRAP && sizes[size][1] < around) around = sizes[size][1];
+            for (k = 0; (size_t)k < prepared.memory_size / sizeof *prepared.table; ++k) {
+                int one = (int)(prepared.table[k] >> 8 & 15), other = (int)(prepared.table[k] >> 20 & 15);
+                CHECK(2 * one + 2 <= around && 2 * other + 2 <= around, "%s: record %d: %d %d", what, k, one, other);
+            }
+            make_rays(&random, &map);
+            for (k = RAYS / 3; k < RAYS; ++k) { /* low ones, that meet a peak or pass it closely */
+                float a = zoo_between(&random, 0.0f, 6.2831853f);
+                memset(&rays[k], 0, sizeof rays[k]);
+                rays[k].origin[0] = k % 4 ? zoo_unit(&random) : 0.0f;
+                rays[k].origin[1] = k % 4 == 1 ? 0.0f : zoo_unit(&random);
+                rays[k].origin[2] = zoo_between(&random, 0.01f, 0.6f);
+                rays[k].direction[0] = k % 8 == 3 ? 0.0f : cosf(a);
+                rays[k].direction[1] = k % 8 == 7 ? 0.0f : sinf(a);
+                rays[k].direction[2] = zoo_between(&random, -0.2f, 0.02f);
+                rays[k].t_max = 3.0f;
+            }
+            (void)conemap_trace_prepared(&prepared, rays, hits, RAYS);
+            compare(&map, what);
+            conemap_free_prepared(&prepared);
+            conemap_free(&map);
+        }
+}
+
 /* Level rays that go round and round a map, for up to 2^20 texels, until they meet the one texel that stands out: flights in
    floats know their place there only roughly. */
 static void far_flights(void)
@@ -271,9 +327,11 @@ static void same_bits(void)
 {
     struct zoo_random random = zoo_seed(72);
     int kind, isa, count, k, c;
-    for (kind = ZOO_FBM; kind <= ZOO_CLIFF; ++kind) {
+    for (kind = ZOO_FBM; kind <= PEAKS; ++kind) {
+        const char *kind_name = kind == PEAKS ? "peaks" : zoo_name(kind);
         conemap_map map;
         conemap_prepared first;
+        if (kind > ZOO_CLIFF && kind < PEAKS) continue;
         if (!build(kind, 31, 22, kind % 9, 3u, &map)) return;
         make_rays(&random, &map);
         memset(&first, 0, sizeof first);
@@ -288,13 +346,13 @@ static void same_bits(void)
                 continue;
             }
             REQUIRE(conemap_prepare(&map, &desc, &prepared) == CONEMAP_OK, "prepare for %s", name);
-            CHECK(prepared.isa == desc.isa, "%s", name);
+            CHECK(prepared.isa == desc.isa && (prepared.own.peaks != 0) == (kind == PEAKS), "%s: %s", kind_name, name);
             if (isa == CONEMAP_ISA_SCALAR) {
                 first = prepared;
                 memset(expected, 0x7b, sizeof expected);
                 (void)conemap_trace_prepared(&first, rays, expected, RAYS);
             }
-            CHECK(memcmp(prepared.table, first.table, first.memory_size) == 0, "%s: %s: another table", zoo_name(kind),
+            CHECK(memcmp(prepared.table, first.table, first.memory_size) == 0, "%s: %s: another table", kind_name,
                   name);
             for (count = 0; count <= RAYS; count = count < 41 ? count + 1 : count < RAYS ? RAYS : RAYS + 1) {
                 conemap_ray_arrays in;
@@ -305,7 +363,7 @@ static void same_bits(void)
                 memset(hits, 0x7b, sizeof hits);
                 result = conemap_trace_prepared(&prepared, rays, hits, count);
                 CHECK(memcmp(hits, expected, (size_t)count * sizeof hits[0]) == 0, "%s: %s: %d rays: other hits",
-                      zoo_name(kind), name, count);
+                      kind_name, name, count);
                 if (count < RAYS) {
                     unsigned char untouched[sizeof hits[0]];
                     memset(untouched, 0x7b, sizeof untouched);
@@ -478,6 +536,7 @@ static void odd_rays(void)
 
 const struct test_case packets_tests[] = {
     {"the exact tracer's hits", same_hits},
+    {"peaks", peaks},
     {"far flights", far_flights},
     {"whatever the cones", any_cones},
     {"the same bits everywhere", same_bits},
