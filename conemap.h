@@ -324,8 +324,9 @@ typedef struct conemap_desc {
     conemap_generator generator;
     conemap_guarantee guarantee; /* CONEMAP_EXACT: VERTEX or BILINEAR; others: VERTEX where it is what they give.
                                0: BILINEAR with CONEMAP_EXACT, else what the generator gives */
-    float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), in exchange for time;
-                               0: exact, and so is what is below 0.5, for that would save nothing. Up to 16 */
+    float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), and most are by nearly
+                               that much, in exchange for time: 0.1 spares a fifth on smooth maps. 0: exact. Up to
+                               16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
     int ring_limit;         /* RING, RELAXED, RELAXED_SAMPLED, HYBRID: look at most so many texels far, which leaves
@@ -2292,7 +2293,7 @@ typedef struct conemap__search {
     float a, b;              /* a texel's size */
     float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
     float near2;             /* pairs closer than its root are left to others */
-    float widen2;            /* (1 + slack)^2 */
+    float widen2;            /* (1 + slack)^2: what is found counts as so much more */
     int is_away;             /* the tile is none of the map's, and sees it as it stands, without images */
     int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
     conemap__sector sector;  /* where it looks */
@@ -2306,7 +2307,6 @@ typedef struct conemap__search {
 typedef struct conemap__tile {
     float height[CONEMAP__TILE * CONEMAP__TILE]; /* 2 for texels that are not searched */
     float slope2[CONEMAP__TILE * CONEMAP__TILE]; /* in: what is known already; out: what was found */
-    float folded[CONEMAP__TILE * CONEMAP__TILE]; /* the steepest bounds that slack alone pruned */
     int32_t decider[CONEMAP__TILE * CONEMAP__TILE]; /* number in `noted`, 0 for none */
     float lowest[16], bar[16]; /* of groups of 2 x 2 texels: lowest texel; least slope2, less CONEMAP__MARGIN */
     int noted, noted_x[CONEMAP__NOTED], noted_y[CONEMAP__NOTED];
@@ -3495,15 +3495,13 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
    than the root of near2 has been looked at row by row, which takes less time; bounds take it to be so far away. The
    search begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from
    there, so nearer texels, which decide more often, come first, and ends with the images of a wrapping map.
-   With slack, a texel drops a block that could raise its slope by no more than the factor, and folds the block's bound
-   into its result, which from then on counts as found when blocks are dropped. What lies below a dropped block is no
-   steeper, so a texel that is asked again changes nothing, and results are the same whatever the lanes. They depend on
-   the order, which is always this one: a job's tiles row by row.
+   With slack, what a texel has found counts as steeper by the factor, at once: only what is steeper still counts, and
+   again by the factor more. A block holds nothing that counts for a texel that drops it, so a texel that is asked again
+   changes nothing, and results are the same whatever the lanes. They depend on the order, which is always this one: a
+   job's tiles row by row.
    In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
    at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
    a tile knows in which of them it flies through a block. */
-
-#define CONEMAP__LEAST_SLACK 0.5f /* to fold bounds in takes more time than less slack spares */
 
 static conemap__search conemap__make_search(const conemap_map *map) {
     const float slack = map->build.desc.slack;
@@ -3511,7 +3509,7 @@ static conemap__search conemap__make_search(const conemap_map *map) {
     memset(&search, 0, sizeof search);
     search.a = map->build.search_u;
     search.b = map->build.search_v;
-    search.widen2 = slack < CONEMAP__LEAST_SLACK ? 1.0f : (1.0f + slack) * (1.0f + slack);
+    search.widen2 = (1.0f + slack) * (1.0f + slack);
     return search;
 }
 
@@ -3542,10 +3540,10 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
         tile.height[k] = 2.0f;
         tile.slope2[k] = map->build.least_slope2;
         tile.decider[k] = 0;
-        tile.folded[k] = 0.0f;
         if (x >= w || y >= h || !conemap__is_wanted(map, search->sector.number, x, y, CONEMAP__SEARCH)) continue;
         tile.height[k] = conemap__height(map, x, y);
         tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
+        if (tile.slope2[k] > map->build.least_slope2) tile.slope2[k] *= search->widen2;
         any = 1;
     }
     if (!any) return;
@@ -3557,8 +3555,7 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
     search->seeds = 0;
     for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
         if (tile.height[k] > 1.0f) continue;
-        slopes[(size_t)(y0 + k / CONEMAP__TILE) * (size_t)w + (size_t)(x0 + k % CONEMAP__TILE)] =
-            conemap__max(tile.slope2[k], tile.folded[k]);
+        slopes[(size_t)(y0 + k / CONEMAP__TILE) * (size_t)w + (size_t)(x0 + k % CONEMAP__TILE)] = tile.slope2[k];
         n = tile.decider[k];
         if (n == 0 || used[n]) continue;
         used[n] = 1;
@@ -5083,7 +5080,6 @@ static int conemap__narrow_tile(const conemap__edit *edit, conemap__search *sear
     int k, a, b, any = 0, images_u = info->wrap_u == CONEMAP_WRAP, images_v = info->wrap_v == CONEMAP_WRAP;
     int width = conemap__mini(CONEMAP__TILE, info->width - x0);
     int height = conemap__mini(CONEMAP__TILE, info->height - y0);
-    memset(tile.folded, 0, sizeof tile.folded);
     memset(tile.decider, 0, sizeof tile.decider);
     for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) tile.height[k] = 2.0f;
     for (k = 0; k < CONEMAP__TILE; ++k)
@@ -17297,7 +17293,6 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__BAND
 #undef CONEMAP__RUN
 #undef CONEMAP__TILE
-#undef CONEMAP__LEAST_SLACK
 #undef CONEMAP__RINGS
 #undef CONEMAP__RING_TEXELS
 #undef CONEMAP__SIGHT_REACH
@@ -18143,28 +18138,26 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near_d2, int asked,
 }
 
 /* Of those the ones that do. */
-CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2, int number,
-                                           CONEMAP__F *least, CONEMAP__F *s, CONEMAP__I *decider) {
+CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2, int number, float widen2,
+                                           CONEMAP__F *s, CONEMAP__I *decider) {
     CONEMAP__F slope2;
     if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
     slope2 = CONEMAP__DIV(dh2, d2);
-    beats = CONEMAP__AND(beats, CONEMAP__LT(*least, slope2));
-    *least = CONEMAP__PICK(beats, slope2, *least);
-    *s = CONEMAP__PICK(beats, slope2, *s);
+    beats = CONEMAP__AND(beats, CONEMAP__LT(*s, slope2));
+    *s = CONEMAP__PICK(beats, CONEMAP__MUL(slope2, CONEMAP__F1(widen2)), *s);
     *decider = CONEMAP__PICKI(beats, CONEMAP__I1(number), *decider);
 }
 
 /* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
 CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near_d2, conemap__tile *tile, int i,
                                                CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
-                                               const float *heights, int texels, int number, int plain) {
-    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), least = CONEMAP__LOADF(tile->slope2 + i), s = least, bar;
+                                               const float *heights, int texels, int number, float widen2) {
+    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar;
     CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
     CONEMAP__M beats[4];
     CONEMAP__I decider;
     dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
-    if (!plain) least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
-    bar = CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN));
+    bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
     beats[0] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[0], apex, bar, left, top, &dh2[0], &d2[0]);
     if (texels == 1) {
         if (!CONEMAP__ANY(beats[0])) return 0;
@@ -18175,21 +18168,22 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near_d2, conemap__tile
         if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
     }
     decider = CONEMAP__LOADI(tile->decider + i);
-    CONEMAP__KERNEL(take)(beats[0], dh2[0], d2[0], number, &least, &s, &decider);
+    CONEMAP__KERNEL(take)(beats[0], dh2[0], d2[0], number, widen2, &s, &decider);
     if (texels > 1) {
-        CONEMAP__KERNEL(take)(beats[1], dh2[1], d2[1], number + 1, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, &least, &s, &decider);
-        CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, &least, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[1], dh2[1], d2[1], number + 1, widen2, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, widen2, &s, &decider);
+        CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, widen2, &s, &decider);
     }
+    if (!CONEMAP__ANY(CONEMAP__LT(CONEMAP__LOADF(tile->slope2 + i), s))) return 0; /* within the margin */
     CONEMAP__STOREF(tile->slope2 + i, s);
     CONEMAP__STOREI(tile->decider + i, decider);
     return 1;
 }
 
 /* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from
-   the tile's corner. `plain`: without slack. */
+   the tile's corner. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x,
-                                              int y, const float *heights, int texels, int plain) {
+                                              int y, const float *heights, int texels) {
     const CONEMAP__F near_d2 = CONEMAP__F1(search->near2 - search->deflate);
     float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
     int c, u, v, i, j, noted, any = 0;
@@ -18208,7 +18202,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
                     won |= CONEMAP__KERNEL(look_from)(near_d2, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
                                                       CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted,
-                                                      plain);
+                                                      search->widen2);
             }
             if (CONEMAP__LANES == 1 && won) conemap__lower_bar(tile, 2 * v + u / 2);
             any |= won;
@@ -18221,53 +18215,26 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, con
     tile->noted += texels;
 }
 
-/* With slack, of the texels for which a block beats the bar those for which it does so by the factor; *folded: the
-   others. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats_by_far)(const conemap__search *search, CONEMAP__M beats,
-                                                         CONEMAP__F bar, CONEMAP__F dh2, CONEMAP__F d2,
-                                                         CONEMAP__F *folded) {
-    CONEMAP__M is_near = CONEMAP__LT(d2, CONEMAP__F1(search->near2 - search->deflate)), wide;
-    if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return beats;
-    wide = CONEMAP__OR(is_near, CONEMAP__LT(CONEMAP__MUL(bar, d2), dh2));
-    *folded = CONEMAP__MAX(*folded, CONEMAP__PICK(CONEMAP__ANDNOT(beats, wide), CONEMAP__DIV(dh2, d2),
-                                                  CONEMAP__F1(0.0f)));
-    return CONEMAP__AND(beats, wide);
-}
-
 /* Texels from i on: adds those that must look into each of four blocks to `some`. */
-CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__search *search, conemap__tile *tile, CONEMAP__F near_d2,
-                                               int i, int asked, CONEMAP__F left, CONEMAP__F right, CONEMAP__F top,
-                                               CONEMAP__F bottom, const float *highest, CONEMAP__M *some, int plain) {
-    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar = s;
-    CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
-    CONEMAP__M beats[4];
-    dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
-    if (!plain) bar = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
+CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__tile *tile, CONEMAP__F near_d2, int i, int asked,
+                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
+                                               const float *highest, CONEMAP__M *some) {
+    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), bar = CONEMAP__LOADF(tile->slope2 + i), dh2, d2;
     bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(near_d2, asked & 1, highest[0], apex, bar, left, top, &dh2[0], &d2[0]);
-    beats[1] = CONEMAP__KERNEL(beats)(near_d2, asked & 2, highest[1], apex, bar, right, top, &dh2[1], &d2[1]);
-    beats[2] = CONEMAP__KERNEL(beats)(near_d2, asked & 4, highest[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
-    beats[3] = CONEMAP__KERNEL(beats)(near_d2, asked & 8, highest[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
-    if (!plain && search->widen2 > 1.0f &&
-        CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) {
-        CONEMAP__F folded = CONEMAP__LOADF(tile->folded + i);
-        bar = CONEMAP__MUL(CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)), CONEMAP__F1(search->widen2));
-        beats[0] = CONEMAP__KERNEL(beats_by_far)(search, beats[0], bar, dh2[0], d2[0], &folded);
-        beats[1] = CONEMAP__KERNEL(beats_by_far)(search, beats[1], bar, dh2[1], d2[1], &folded);
-        beats[2] = CONEMAP__KERNEL(beats_by_far)(search, beats[2], bar, dh2[2], d2[2], &folded);
-        beats[3] = CONEMAP__KERNEL(beats_by_far)(search, beats[3], bar, dh2[3], d2[3], &folded);
-        CONEMAP__STOREF(tile->folded + i, folded);
-    }
-    some[0] = CONEMAP__OR(some[0], beats[0]);
-    some[1] = CONEMAP__OR(some[1], beats[1]);
-    some[2] = CONEMAP__OR(some[2], beats[2]);
-    some[3] = CONEMAP__OR(some[3], beats[3]);
+    some[0] = CONEMAP__OR(some[0], CONEMAP__KERNEL(beats)(near_d2, asked & 1, highest[0], apex, bar, left, top, &dh2,
+                                                          &d2));
+    some[1] = CONEMAP__OR(some[1], CONEMAP__KERNEL(beats)(near_d2, asked & 2, highest[1], apex, bar, right, top, &dh2,
+                                                          &d2));
+    some[2] = CONEMAP__OR(some[2], CONEMAP__KERNEL(beats)(near_d2, asked & 4, highest[2], apex, bar, left, bottom, &dh2,
+                                                          &d2));
+    some[3] = CONEMAP__OR(some[3], CONEMAP__KERNEL(beats)(near_d2, asked & 8, highest[3], apex, bar, right, bottom,
+                                                          &dh2, &d2));
 }
 
 /* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one
    nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
 CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile,
-                                          int k, int x, int y, int groups, int skip, conemap__node *out, int plain) {
+                                          int k, int x, int y, int groups, int skip, conemap__node *out) {
     const conemap_pyramid *pyramid = &map->build.texels;
     int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, c, u, v, i, j, count = 0;
     int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
@@ -18299,9 +18266,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
             for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
                 CONEMAP__F first = CONEMAP__KERNEL(of_row)(y2[0] + j), second = CONEMAP__KERNEL(of_row)(y2[1] + j);
                 for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    CONEMAP__KERNEL(ask_from)(search, tile, near_d2, CONEMAP__TILE * j + i, asked,
-                                              CONEMAP__LOADF(x2[0] + i), CONEMAP__LOADF(x2[1] + i), first, second,
-                                              highest, some, plain);
+                    CONEMAP__KERNEL(ask_from)(tile, near_d2, CONEMAP__TILE * j + i, asked, CONEMAP__LOADF(x2[0] + i),
+                                              CONEMAP__LOADF(x2[1] + i), first, second, highest, some);
             }
             if (CONEMAP__LANES == 1)
                 for (c = 0; c < 4; ++c) alive[c] |= CONEMAP__BITS(some[c]) << group;
@@ -18325,12 +18291,12 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap_
 
 /* Works the stack off, down to blocks of 2 x 2 texels, which are looked at one by one. */
 CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const conemap__search *search,
-                                               conemap__tile *tile, conemap__node *stack, int count, int plain) {
+                                               conemap__tile *tile, conemap__node *stack, int count) {
     while (count > 0) {
         conemap__node node = stack[--count];
         if (node.k > 1) {
             count += CONEMAP__KERNEL(open)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1,
-                                           stack + count, plain);
+                                           stack + count);
         } else {
             int w = map->info.width, x = 2 * node.x, y = 2 * node.y;
             const float *row = map->heights + (size_t)y * (size_t)w + (size_t)x;
@@ -18340,13 +18306,13 @@ CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const con
             heights[1] = right_too ? row[1] : -1.0f;
             heights[2] = below_too ? row[w] : -1.0f;
             heights[3] = right_too && below_too ? row[w + 1] : -1.0f;
-            CONEMAP__KERNEL(look_at)(search, tile, node.groups, x - tile->x, y - tile->y, heights, 4, plain);
+            CONEMAP__KERNEL(look_at)(search, tile, node.groups, x - tile->x, y - tile->y, heights, 4);
         }
     }
 }
 
 CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const conemap__search *search,
-                                                 conemap__tile *tile, int plain) {
+                                                 conemap__tile *tile) {
     conemap__node stack[3 * 17 + 4];
     const conemap_info *info = &map->info;
     int levels = map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b, all = 0xffff;
@@ -18357,11 +18323,11 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
         int x = search->seed_x[k], y = search->seed_y[k];
         float height = conemap__height(map, conemap__texel_index(x, info->width, info->wrap_u),
                                        conemap__texel_index(y, info->height, info->wrap_v));
-        CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1, plain);
+        CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1);
     }
     if (search->is_away) {
-        k = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack, plain);
-        CONEMAP__KERNEL(work_off)(map, search, tile, stack, k, plain);
+        k = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack);
+        CONEMAP__KERNEL(work_off)(map, search, tile, stack, k);
         return;
     }
     if (levels == 1) return; /* a single texel and its images */
@@ -18370,11 +18336,11 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
     stack[0].x = x0 >> k;
     stack[0].y = y0 >> k;
     stack[0].groups = all;
-    CONEMAP__KERNEL(work_off)(map, search, tile, stack, 1, plain);
+    CONEMAP__KERNEL(work_off)(map, search, tile, stack, 1);
     for (; k + 1 < levels; ++k) {
         int own = (y0 >> k & 1) << 1 | (x0 >> k & 1);
-        int count = CONEMAP__KERNEL(open)(map, search, tile, k, x0 >> (k + 1), y0 >> (k + 1), all, own, stack, plain);
-        CONEMAP__KERNEL(work_off)(map, search, tile, stack, count, plain);
+        int count = CONEMAP__KERNEL(open)(map, search, tile, k, x0 >> (k + 1), y0 >> (k + 1), all, own, stack);
+        CONEMAP__KERNEL(work_off)(map, search, tile, stack, count);
     }
     for (b = -wrap_v; b <= wrap_v; ++b)
         for (a = -wrap_u; a <= wrap_u; ++a) {
@@ -18384,8 +18350,8 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
             tile->shift_y = b * info->height;
             tile->x = x0 - tile->shift_x;
             tile->y = y0 - tile->shift_y;
-            count = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack, plain);
-            CONEMAP__KERNEL(work_off)(map, search, tile, stack, count, plain);
+            count = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack);
+            CONEMAP__KERNEL(work_off)(map, search, tile, stack, count);
         }
     tile->x = x0;
     tile->y = y0;
@@ -18492,13 +18458,12 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const 
     if (tile->noted == CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
     number = tile->noted;
     for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
-        CONEMAP__F s, least, dh2, d2, slope2;
+        CONEMAP__F s, dh2, d2, slope2;
         CONEMAP__M beats;
         if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
         s = CONEMAP__LOADF(tile->slope2 + i);
-        least = CONEMAP__MAX(s, CONEMAP__LOADF(tile->folded + i));
         beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns, &rows, highest, room,
-                                      CONEMAP__MUL(least, CONEMAP__F1(CONEMAP__MARGIN)), &dh2, &d2);
+                                      CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)), &dh2, &d2);
         if (!CONEMAP__ANY(beats)) continue;
         if (relaxed) {
             slope2 = CONEMAP__KERNEL(far_corners)(search, tile, i, left, top, h, always);
@@ -18506,8 +18471,9 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const 
             beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
             slope2 = CONEMAP__DIV(dh2, d2);
         }
-        beats = CONEMAP__AND(beats, CONEMAP__LT(least, slope2));
+        beats = CONEMAP__AND(beats, CONEMAP__LT(s, slope2));
         if (!CONEMAP__ANY(beats)) continue;
+        slope2 = CONEMAP__MUL(slope2, CONEMAP__F1(search->widen2));
         CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
         CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number),
                                                           CONEMAP__LOADI(tile->decider + i)));
@@ -18582,17 +18548,11 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open_part)(const conemap_map *map, const con
                 continue;
         }
         for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
-            CONEMAP__F bar, dh2, d2, folded;
+            CONEMAP__F bar, dh2, d2;
             CONEMAP__M beats;
             if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
-            folded = CONEMAP__LOADF(tile->folded + i);
-            bar = CONEMAP__MUL(CONEMAP__MAX(CONEMAP__LOADF(tile->slope2 + i), folded), CONEMAP__F1(CONEMAP__MARGIN));
+            bar = CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + i), CONEMAP__F1(CONEMAP__MARGIN));
             beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns[across], &rows[down], high, room, bar, &dh2, &d2);
-            if (!relaxed && search->widen2 > 1.0f && CONEMAP__ANY(beats)) {
-                bar = CONEMAP__MUL(bar, CONEMAP__F1(search->widen2));
-                beats = CONEMAP__KERNEL(beats_by_far)(search, beats, bar, dh2, d2, &folded);
-                CONEMAP__STOREF(tile->folded + i, folded);
-            }
             alive |= CONEMAP__ANY(beats) ? 1 << CONEMAP__GROUP(i) : 0;
         }
         out[count].k = k;
@@ -18685,10 +18645,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, cone
         CONEMAP__KERNEL(search_part)(map, search, tile, 1);
     else if (search->sector.su != 0)
         CONEMAP__KERNEL(search_part)(map, search, tile, 0);
-    else if (search->widen2 > 1.0f)
-        CONEMAP__KERNEL(search_all)(map, search, tile, 0);
     else
-        CONEMAP__KERNEL(search_all)(map, search, tile, 1);
+        CONEMAP__KERNEL(search_all)(map, search, tile);
 }
 
 /* ---- the prepared tracer: see P R E P A R A T I O N ---------------------------------------------------------- */

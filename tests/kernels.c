@@ -147,7 +147,7 @@ static void generators(void)
             desc.generator = generator < 5 ? CONEMAP_EXACT : generator == 5 ? CONEMAP_QUICK
                            : generator == 6 ? CONEMAP_QUICK_NAIVE : CONEMAP_RELAXED_EXACT;
             if (generator == 0 || generator == 1) desc.guarantee = CONEMAP_GUARANTEE_VERTEX;
-            if (generator == 1 || generator == 3) desc.slack = 0.6f;
+            if (generator == 1 || generator == 3) desc.slack = round & 1 ? 0.1f : 0.6f;
             if (round == 20) desc.generator = CONEMAP_QUICK_CENTER;
             if (round == 21) desc.generator = CONEMAP_QUICK_NAIVE_CENTER;
             if (round == 20 || round == 21) desc.guarantee = CONEMAP_GUARANTEE_DEFAULT, desc.slack = 0.0f;
@@ -186,7 +186,7 @@ static void larger(void)
                 desc.wrap_v = (conemap_wrap)(size % 3);
                 desc.generator = generator == 4 ? CONEMAP_QUICK : generator == 5 ? CONEMAP_RELAXED_EXACT : CONEMAP_EXACT;
                 if (generator < 4) desc.guarantee = generator & 1 ? CONEMAP_GUARANTEE_BILINEAR : CONEMAP_GUARANTEE_VERTEX;
-                if (generator < 4) desc.slack = size & 1 ? 0.6f : 0.0f;
+                if (generator < 4) desc.slack = size & 1 ? kind & 1 ? 0.6f : 0.1f : 0.0f;
                 if (generator == 2 || generator == 3) desc.texture.sectors = kind & 1 ? 8 : 4;
                 zoo_fill(kind, desc.heights.width, desc.heights.height, 9u, heights);
                 snprintf(what, sizeof what, "%s %dx%d generator %d slack %g", zoo_name(kind), desc.heights.width,
