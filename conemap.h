@@ -18882,11 +18882,11 @@ CONEMAP__HELPER int CONEMAP__KERNEL(fly_on)(const conemap__flight *f, conemap__b
         level = CONEMAP__PICK(comes, come, level);
         cone = t;
     } else {
-        peak_i = i;
-        peak_j = j;
         CONEMAP__I quadrant = CONEMAP__PICKI(mirrored, CONEMAP__ISHR(record, 10), record);
         CONEMAP__I slope_code = CONEMAP__IAND(quadrant, CONEMAP__I1(31));
         CONEMAP__F slope, clear;
+        peak_i = i;
+        peak_j = j;
         /* slope and clear way have a float's exponent and two bits of its fraction */
         slope = CONEMAP__PICK(CONEMAP__IGT(slope_code, CONEMAP__I1(30)), one,
                               CONEMAP__BITSF(CONEMAP__IADD(CONEMAP__ISHL(slope_code, 21),
