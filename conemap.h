@@ -2471,6 +2471,13 @@ typedef struct conemap__peaks {
     float *first, *place, *second;
 } conemap__peaks;
 
+CONEMAP__INLINE conemap__peaks conemap__peaks_at(conemap__peaks peaks, size_t at) {
+    peaks.first += at;
+    peaks.place += at;
+    peaks.second += at;
+    return peaks;
+}
+
 /* Rays of the prepared tracer under way, a column for each of their numbers, CONEMAP__BLOCK of them side by side: see
    P R E P A R A T I O N. */
 #define CONEMAP__SLOTS 64
@@ -7567,13 +7574,6 @@ static void conemap__look_double(conemap__look *look) {
     look->next = look->squares;
     look->squares = swap;
     look->side *= 2;
-}
-
-static conemap__peaks conemap__peaks_at(conemap__peaks peaks, size_t at) {
-    peaks.first += at;
-    peaks.place += at;
-    peaks.second += at;
-    return peaks;
 }
 
 /* As conemap__look_rows. Beyond a border that does not wrap there is nothing. */
@@ -18174,7 +18174,8 @@ CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near_d2, conemap__tile
         CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, widen2, &s, &decider);
         CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, widen2, &s, &decider);
     }
-    if (!CONEMAP__ANY(CONEMAP__LT(CONEMAP__LOADF(tile->slope2 + i), s))) return 0; /* within the margin */
+    /* what is noted must not depend on the lanes: within the margin nothing was found */
+    if (!CONEMAP__ANY(CONEMAP__LT(CONEMAP__LOADF(tile->slope2 + i), s))) return 0;
     CONEMAP__STOREF(tile->slope2 + i, s);
     CONEMAP__STOREI(tile->decider + i, decider);
     return 1;
@@ -18704,11 +18705,8 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(higher_row)(conemap__peaks a, conemap__pe
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(peaks_row)(conemap__peaks squares, int shift, const float *tops, int32_t code,
                                                   int count, int32_t *clear) {
-    conemap__peaks right = squares;
+    const conemap__peaks right = conemap__peaks_at(squares, (size_t)shift);
     int x;
-    right.first += shift;
-    right.place += shift;
-    right.second += shift;
     for (x = 0; x < count; x += CONEMAP__LANES) {
         CONEMAP__F top = CONEMAP__KERNEL(load)(tops + x, count - x), first, place, second;
         CONEMAP__I own = CONEMAP__BITSI(CONEMAP__KERNEL(load)((const float *)(const void *)(clear + x), count - x));
