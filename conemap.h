@@ -325,7 +325,7 @@ typedef struct conemap_desc {
     conemap_guarantee guarantee; /* CONEMAP_EXACT: VERTEX or BILINEAR; others: VERTEX where it is what they give.
                                0: BILINEAR with CONEMAP_EXACT, else what the generator gives */
     float slack;            /* CONEMAP_EXACT: cones may be narrower by up to 1 / (1 + slack), and most are by nearly
-                               that much, in exchange for time: 0.1 spares a fifth on smooth maps. 0: exact. Up to
+                               that much, in exchange for time: 0.1 spares a quarter on smooth maps. 0: exact. Up to
                                16 */
     int min3x3;             /* nonzero: each cone becomes the narrowest of its 3x3 block [BV24 eq. 2] */
     int march_steps;        /* CONEMAP_RELAXED_SAMPLED: steps of a march; 0: 64. Up to 65536 */
@@ -1722,7 +1722,7 @@ CONEMAP_API conemap_result conemap_skeleton_shade(const conemap_skeleton *skelet
 #define CONEMAP__TRAILING_ZEROS(bits) __builtin_ctz((unsigned)(bits))
 #else
 #define CONEMAP__PREFETCH(address) ((void)(address))
-#define CONEMAP__TRAILING_ZEROS(bits) conemap__count_bits(((bits) & -(bits)) - 1)
+#define CONEMAP__TRAILING_ZEROS(bits) conemap__count_bits(((unsigned)(bits) & (0u - (unsigned)(bits))) - 1)
 #endif
 
 #ifdef CONEMAP_STATIC
@@ -1900,12 +1900,12 @@ CONEMAP__INLINE uint32_t conemap__read_code(conemap_format format, const unsigne
     }
 }
 
-/* Of the lowest 16. */
-CONEMAP__INLINE int conemap__count_bits(int bits) {
-    bits -= bits >> 1 & 0x5555;
-    bits = (bits & 0x3333) + (bits >> 2 & 0x3333);
-    bits = (bits + (bits >> 4)) & 0x0f0f;
-    return (bits + (bits >> 8)) & 31;
+CONEMAP__INLINE int conemap__count_bits(unsigned bits) {
+    bits -= bits >> 1 & 0x55555555u;
+    bits = (bits & 0x33333333u) + (bits >> 2 & 0x33333333u);
+    bits = (bits + (bits >> 4)) & 0x0f0f0f0fu;
+    bits += bits >> 8;
+    return (int)((bits + (bits >> 16)) & 63u);
 }
 
 /* Any alignment. */
@@ -2161,11 +2161,13 @@ static void conemap__pyramid_region(const conemap_map *map, conemap_pyramid *pyr
    Types CONEMAP__F, CONEMAP__I, CONEMAP__M hold CONEMAP__LANES floats, int32s and truth values:
        F1 I1              the same number in all lanes         LOADF LOADI STOREF STOREI   any alignment
        LOADU8 LOADU16     codes to int lanes                   GATHERF(base, indices)
+       PAIRF              two floats in turn; with one lane the first
        GATHERI            (base, p) uint32s at the int32s behind p
        ADD SUB MUL DIV SQRT MIN MAX                            floats; MIN is a < b ? a : b, MAX is a > b ? a : b
        IADD ISUB IMUL IAND IOR ISHL ISHR (logical)             ints
        LT LE IGT IEQ      compare; AND OR ANDNOT (a and not b) masks; PICK PICKI (mask ? a : b)
        ANY BITS           does some lane hold; one bit for each lane that holds, lane 0 lowest
+       MARK(mask, ints)   the ints where it holds, else 0
        TOF TOI            between numbers, towards zero        BITSF BITSI   the same bits as another type
        EVEN ODD           every second lane of two vectors in a row
    Types CONEMAP__D, CONEMAP__L, CONEMAP__W hold CONEMAP__DLANES doubles, uint64s and truth values of doubles:
@@ -2286,16 +2288,29 @@ static double conemap__ascent2(int major, double x, double y, double a, double b
     return (x > 0.0 ? x * x : 0.0) + (y > 0.0 ? y * y : 0.0);
 }
 
-/* What the search for cones keeps from one tile to the next (see G E N E R A T I O N). */
-#define CONEMAP__TILE 8      /* texels along a tile's side */
-#define CONEMAP__NOTED 256
+/* The search for cones goes by tiles of texels (see G E N E R A T I O N). */
+#define CONEMAP__TILE 16     /* texels along a tile's side */
+#define CONEMAP__TILE_TEXELS (CONEMAP__TILE * CONEMAP__TILE)
+#define CONEMAP__NOTED 1024
+#define CONEMAP__SEED_COLUMNS 2 /* those next to the next tile */
+
+/* A block, or a texel, that decided some cone. */
+typedef struct conemap__seed {
+    int k, x, y;             /* level, and its first texel, as the map counts that it was found in */
+    float height;
+} conemap__seed;
+
+/* What the search keeps from one tile to the next. */
 typedef struct conemap__search {
     float a, b;              /* a texel's size */
     float deflate;           /* V, taken off every squared distance: see the proof of safe cones, step 4 */
     float near2;             /* pairs closer than its root are left to others */
+    int near_u, near_v;      /* columns and rows from which on nothing is so close */
     float widen2;            /* (1 + slack)^2: what is found counts as so much more */
     int is_away;             /* the tile is none of the map's, and sees it as it stands, without images */
-    int seeds, seed_x[CONEMAP__TILE * CONEMAP__TILE], seed_y[CONEMAP__TILE * CONEMAP__TILE]; /* what decided last */
+    float fold2;             /* slack^2, a little less: see conemap__counts_as_texel */
+    int seeds;               /* what decided beside this tile, in the one before */
+    conemap__seed seed[CONEMAP__SEED_COLUMNS * CONEMAP__TILE];
     conemap__sector sector;  /* where it looks */
     int room;                /* eight sectors: 1 where a texel stands for the cells around it, 0 for vertex cones */
     int relaxed;             /* at cells that fall */
@@ -2303,19 +2318,23 @@ typedef struct conemap__search {
 
 #define CONEMAP__TOLERANCE 0.1f /* V / D^2 from which a bound counts as tight: at most 5.4 % above the supremum */
 
-/* A tile's texels, row by row. */
+/* A tile's texels, two rows at a time, column by column: so neighbours in a vector are neighbours on the map. */
 typedef struct conemap__tile {
-    float height[CONEMAP__TILE * CONEMAP__TILE]; /* 2 for texels that are not searched */
-    float slope2[CONEMAP__TILE * CONEMAP__TILE]; /* in: what is known already; out: what was found */
-    int32_t decider[CONEMAP__TILE * CONEMAP__TILE]; /* number in `noted`, 0 for none */
-    float lowest[16], bar[16]; /* of groups of 2 x 2 texels: lowest texel; least slope2, less CONEMAP__MARGIN */
-    int noted, noted_x[CONEMAP__NOTED], noted_y[CONEMAP__NOTED];
+    float height[CONEMAP__TILE_TEXELS]; /* 2 for texels that are not searched */
+    float slope2[CONEMAP__TILE_TEXELS]; /* in: what is known already; out: what was found */
+    float bar[CONEMAP__TILE_TEXELS]; /* slope2 less CONEMAP__MARGIN */
+    int32_t decider[CONEMAP__TILE_TEXELS]; /* number of its note, 0 for none */
+    int noted;
+    conemap__seed note[CONEMAP__NOTED];
     int x, y;                /* of its first texel, as the image at hand counts */
     int shift_x, shift_y;    /* that image's own shift */
     float ground;            /* the lowest texel that is searched */
-    float room[CONEMAP__TILE * CONEMAP__TILE]; /* eight sectors: very much for those that look over their quadrant */
+    float room[CONEMAP__TILE_TEXELS]; /* eight sectors: very much for those that look over their quadrant */
     int by_border;           /* some do */
 } conemap__tile;
+
+/* The number of texel (i, j) of a tile. */
+CONEMAP__INLINE int conemap__tile_number(int i, int j) { return (j / 2 * CONEMAP__TILE + i) * 2 + j % 2; }
 
 /* From a tile's columns, or rows, to the nearest and the farthest of some places, ahead of them in a sector. */
 typedef struct conemap__offsets {
@@ -2385,9 +2404,18 @@ typedef struct conemap__outlook {
     int relaxed;
 } conemap__outlook;
 
-/* Where the texels of a tile's row stand: twice, for there are vectors of two rows. */
-static const float conemap__places[2 * CONEMAP__TILE] = {0, 1, 2, 3, 4, 5, 6, 7, 0, 1, 2, 3, 4, 5, 6, 7};
-static const int32_t conemap__second_row[2 * CONEMAP__TILE] = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1};
+/* Where a tile's rows stand; and the columns of the texels of two rows. */
+static const float conemap__row_places[CONEMAP__TILE] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+static const float conemap__column_places[2 * CONEMAP__TILE] = {0,  0,  1,  1,  2,  2,  3,  3,  4,  4,  5,
+                                                                5,  6,  6,  7,  7,  8,  8,  9,  9,  10, 10,
+                                                                11, 11, 12, 12, 13, 13, 14, 14, 15, 15};
+
+/* The bits of a tile's groups; and the four children of a block, as a node counts them, from the first. */
+static const int32_t conemap__bit[32] = {
+    1,       1 << 1,  1 << 2,  1 << 3,  1 << 4,  1 << 5,  1 << 6,  1 << 7,  1 << 8,  1 << 9,  1 << 10,
+    1 << 11, 1 << 12, 1 << 13, 1 << 14, 1 << 15, 1 << 16, 1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21,
+    1 << 22, 1 << 23, 1 << 24, 1 << 25, 1 << 26, 1 << 27, 1 << 28, 1 << 29, 1 << 30, INT32_MIN};
+static const uint64_t conemap__child_places[4] = {0, 1, UINT64_C(1) << 32, (UINT64_C(1) << 32) + 1};
 
 /* What [VB22] needs to know of one axis at one level of the pyramid, for the block before, a texel's own and the one
    after (see conemap__quick_axis): numbers of blocks, and squared distances of two kinds. */
@@ -2402,43 +2430,37 @@ typedef struct conemap__quick_columns {
     int32_t node[17][3][16], full[17][16];
 } conemap__quick_columns;
 
-/* A block that may hold something steeper for some of the tile's groups, a bit for each. Only kernels with one lane
-   ask. */
+/* A block that may hold something steeper for some of the tile's groups of texels, a bit for each. */
 typedef struct conemap__node {
-    int k, x, y, groups;
+    uint64_t place, groups; /* y and x; level and groups: in the upper and the lower half */
 } conemap__node;
+
+CONEMAP__INLINE conemap__node conemap__make_node(int k, int x, int y, unsigned groups) {
+    conemap__node node;
+    node.place = (uint64_t)y << 32 | (uint64_t)x;
+    node.groups = (uint64_t)k << 32 | groups;
+    return node;
+}
 
 /* Comparing products saves the division of a quotient: with three roundings less than this margin apart, a block is
    dropped only if its rounded quotient is no more than s. */
 #define CONEMAP__MARGIN (1.0f - 1.0f / 1048576.0f)
 
-/* One lane asks groups of 2 x 2 texels first, by their lowest texel and least slope. */
-CONEMAP__INLINE void conemap__lower_bar(conemap__tile *tile, int group) {
-    const float *s = tile->slope2 + 2 * CONEMAP__TILE * (group >> 2) + 2 * (group & 3), *t = s + CONEMAP__TILE;
-    tile->bar[group] = conemap__min(conemap__min(s[0], s[1]), conemap__min(t[0], t[1])) * CONEMAP__MARGIN;
-}
-
-CONEMAP__INLINE void conemap__sum_up(conemap__tile *tile, int group) {
-    const float *s = tile->height + 2 * CONEMAP__TILE * (group >> 2) + 2 * (group & 3), *t = s + CONEMAP__TILE;
-    tile->lowest[group] = conemap__min(conemap__min(s[0], s[1]), conemap__min(t[0], t[1]));
-    conemap__lower_bar(tile, group);
-}
-
-/* Which of four blocks may texels of the group have to look into? Their squared distances from the tile's columns and
-   rows: those of the left and right ones, and of the upper and lower. */
-CONEMAP__INLINE int conemap__ask_group(const conemap__tile *tile, int group, const float *highest, const float *left,
-                                       const float *right, const float *upper, const float *lower) {
-    int c, i = 2 * (group & 3), j = 2 * (group >> 2), asked = 0;
-    float x2[2], y2[2];
-    x2[0] = conemap__min(left[i], left[i + 1]);
-    x2[1] = conemap__min(right[i], right[i + 1]);
-    y2[0] = conemap__min(upper[j], upper[j + 1]);
-    y2[1] = conemap__min(lower[j], lower[j + 1]);
-    for (c = 0; c < 4; ++c) {
-        float dh = highest[c] - tile->lowest[group];
-        if (dh > 0.0f && dh * dh > tile->bar[group] * (x2[c & 1] + y2[c >> 1])) asked |= 1 << c;
-    }
-    return asked;
+/* May a block be looked at as a texel is, as high as its highest and as far away as its farthest? With slack what is
+   found counts as (1 + slack)^2 as steep. With a diagonal of at most f times the distance D to the tile, nothing in the
+   block is steeper than that: (1 + f)^2 D^2 - V <= (1 + slack)^2 (D^2 - V) for f = (15 / 16)^(1/2) slack and
+   D^2 >= 64 V, with 2^-7 slack to spare for rounding. */
+CONEMAP__INLINE int conemap__counts_as_texel(const conemap__search *search, const conemap__tile *tile, int k, int x,
+                                              int y) {
+    int side = (1 << k) - 1, last = CONEMAP__TILE - 1;
+    float across, down, d2;
+    if (k == 0) return 1;
+    if (!(search->fold2 > 0.0f)) return 0;
+    across = (float)conemap__maxi(conemap__maxi(x - tile->x - last, tile->x - x - side), 0) * search->a;
+    down = (float)conemap__maxi(conemap__maxi(y - tile->y - last, tile->y - y - side), 0) * search->b;
+    d2 = across * across + down * down;
+    return d2 * search->fold2 >= (float)side * (float)side * (search->a * search->a + search->b * search->b) &&
+           d2 >= 64.0f * search->deflate && d2 >= search->near2 * 1.001f;
 }
 
 /* How many periods away along an axis images may matter to the tile. In a quadrant a texel's next image decides. In an
@@ -2450,7 +2472,7 @@ CONEMAP__INLINE int conemap__images(const conemap_map *map, const conemap__searc
     float period = (float)size * (along_v ? search->b : search->a), least = CONEMAP__FAR, room, reach;
     if ((along_v ? map->info.wrap_v : map->info.wrap_u) != CONEMAP_WRAP) return 0;
     if (search->sector.major == 0 || !(period > 0.0f)) return 1;
-    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k)
+    for (k = 0; k < CONEMAP__TILE_TEXELS; ++k)
         if (tile->height[k] <= 1.0f) least = conemap__min(least, tile->slope2[k]);
     room = conemap__maxima(&map->build.texels, map->build.texels.levels - 1, 0)[0] - tile->ground;
     reach = sqrtf(room * room / least + search->deflate) * 1.0001f / period;
@@ -2740,6 +2762,8 @@ typedef struct conemap__kernels {
 #define CONEMAP__F1(x) (x)
 #define CONEMAP__I1(x) (x)
 #define CONEMAP__LOADF(p) (*(p))
+#define CONEMAP__PAIRF(p) (*(p))
+#define CONEMAP__MARK(m, i) ((m) ? (i) : 0)
 #define CONEMAP__STOREF(p, v) ((void)(*(p) = (v)))
 #define CONEMAP__LOADI(p) (*(p))
 #define CONEMAP__STOREI(p, v) ((void)(*(p) = (v)))
@@ -2830,6 +2854,9 @@ static const conemap__kernels conemap__kernels_scalar = CONEMAP__KERNEL_LIST(sca
 #define CONEMAP__F1(x) _mm_set1_ps(x)
 #define CONEMAP__I1(x) _mm_set1_epi32(x)
 #define CONEMAP__LOADF(p) _mm_loadu_ps(p)
+#define CONEMAP__PAIRF(p)                                                                                  \
+    _mm_castsi128_ps(_mm_shuffle_epi32(_mm_loadl_epi64((const __m128i *)(const void *)(p)), 0x44))
+#define CONEMAP__MARK(m, i) _mm_and_si128(_mm_castps_si128(m), i)
 #define CONEMAP__STOREF(p, v) _mm_storeu_ps(p, v)
 #define CONEMAP__LOADI(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
 #define CONEMAP__STOREI(p, v) _mm_storeu_si128((__m128i *)(void *)(p), v)
@@ -2923,6 +2950,9 @@ static const conemap__kernels conemap__kernels_sse2 = CONEMAP__KERNEL_LIST(sse2)
 #define CONEMAP__F1(x) _mm256_set1_ps(x)
 #define CONEMAP__I1(x) _mm256_set1_epi32(x)
 #define CONEMAP__LOADF(p) _mm256_loadu_ps(p)
+#define CONEMAP__PAIRF(p)                                                                                  \
+    _mm256_castsi256_ps(_mm256_broadcastq_epi64(_mm_loadl_epi64((const __m128i *)(const void *)(p))))
+#define CONEMAP__MARK(m, i) _mm256_and_si256(_mm256_castps_si256(m), i)
 #define CONEMAP__STOREF(p, v) _mm256_storeu_ps(p, v)
 #define CONEMAP__LOADI(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
 #define CONEMAP__STOREI(p, v) _mm256_storeu_si256((__m256i *)(void *)(p), v)
@@ -3009,6 +3039,10 @@ static const conemap__kernels conemap__kernels_avx2 = CONEMAP__KERNEL_LIST(avx2)
 #define CONEMAP__F1(x) _mm512_set1_ps(x)
 #define CONEMAP__I1(x) _mm512_set1_epi32(x)
 #define CONEMAP__LOADF(p) _mm512_loadu_ps(p)
+#define CONEMAP__PAIRF(p)                                                                                  \
+    _mm512_castsi512_ps(_mm512_maskz_broadcastq_epi64(                                                     \
+        CONEMAP__ALLD, _mm_loadl_epi64((const __m128i *)(const void *)(p))))
+#define CONEMAP__MARK(m, i) _mm512_maskz_mov_epi32(m, i)
 #define CONEMAP__STOREF(p, v) _mm512_storeu_ps(p, v)
 #define CONEMAP__LOADI(p) _mm512_loadu_si512(p)
 #define CONEMAP__STOREI(p, v) _mm512_storeu_si512(p, v)
@@ -3113,6 +3147,8 @@ static const conemap__kernels conemap__kernels_avx512 = CONEMAP__KERNEL_LIST(avx
 #define CONEMAP__F1(x) vdupq_n_f32(x)
 #define CONEMAP__I1(x) vdupq_n_s32(x)
 #define CONEMAP__LOADF(p) vld1q_f32(p)
+#define CONEMAP__PAIRF(p) vcombine_f32(vld1_f32(p), vld1_f32(p))
+#define CONEMAP__MARK(m, i) vandq_s32(vreinterpretq_s32_u32(m), i)
 #define CONEMAP__STOREF(p, v) vst1q_f32(p, v)
 #define CONEMAP__LOADI(p) vld1q_s32(p)
 #define CONEMAP__STOREI(p, v) vst1q_s32(p, v)
@@ -3207,6 +3243,8 @@ static const conemap__kernels conemap__kernels_neon = CONEMAP__KERNEL_LIST(neon)
 #define CONEMAP__F1(x) wasm_f32x4_splat(x)
 #define CONEMAP__I1(x) wasm_i32x4_splat(x)
 #define CONEMAP__LOADF(p) wasm_v128_load(p)
+#define CONEMAP__PAIRF(p) wasm_v128_load64_splat(p)
+#define CONEMAP__MARK(m, i) wasm_v128_and(m, i)
 #define CONEMAP__STOREF(p, v) wasm_v128_store(p, v)
 #define CONEMAP__LOADI(p) wasm_v128_load(p)
 #define CONEMAP__STOREI(p, v) wasm_v128_store(p, v)
@@ -3496,27 +3534,34 @@ static const float *conemap__row_of(const conemap_map *map, const float *plane, 
 /* ---- the search for the steepest slopes, a tile of texels at a time --------------------------------------------
 
    What ring search finds, by branch and bound over the max pyramid: the same quotients, pruned by bounds that are at
-   least as large after rounding, so the same bits in any order. A tile of 8 x 8 texels shares one stack: four blocks of
-   the pyramid are tested against every texel at once, whether or not it had a use for the block above, which costs less
-   than asking. (One lane does ask: groups of 2 x 2 texels, by their lowest texel and least slope so far.) What is nearer
-   than the root of near2 has been looked at row by row, which takes less time; bounds take it to be so far away. The
-   search begins with what decided the tile before (neighbours often agree), goes on in the tile's own block and up from
-   there, so nearer texels, which decide more often, come first, and ends with the images of a wrapping map.
+   least as large after rounding, so the same bits in any order. A tile of 16 x 16 texels shares one stack. It is asked
+   by groups of neighbours, a vector each and a bit in a block's mask: four blocks of the pyramid are tested at once,
+   but only against the groups in which some texel has to look into the block above. What is nearer than the root of
+   near2 has been looked at row by row, which takes less time; bounds take it to be so far away. The search begins with
+   what decided beside it in the tile before (neighbours often agree), goes on in the tile's own block and up from there,
+   so nearer texels, which decide more often, come first, and ends with the images of a wrapping map.
    With slack, what a texel has found counts as steeper by the factor, at once: only what is steeper still counts, and
-   again by the factor more. A block holds nothing that counts for a texel that drops it, so a texel that is asked again
+   again by the factor more. Far away a block may stand for its texels: all of them are less steep than the factor makes
+   its farthest corner. A block holds nothing that counts for a texel that drops it, so a texel that is asked again
    changes nothing, and results are the same whatever the lanes. They depend on the order, which is always this one: a
    job's tiles row by row.
    In a sector, lane by lane, blocks that are not ahead are passed over. Relaxed cones look at cells instead of texels,
    at their far corners, in four pyramids, one for each pair of directions, of the cells that fall in one of the two:
    a tile knows in which of them it flies through a block. */
 
-static conemap__search conemap__make_search(const conemap_map *map) {
-    const float slack = map->build.desc.slack;
+/* A search among pairs that are at least sqrt(near2) apart. */
+static conemap__search conemap__make_search(const conemap_map *map, float near2, float deflate) {
+    const float slack = map->build.desc.slack, most = (float)CONEMAP_MAX_SIZE;
     conemap__search search;
     memset(&search, 0, sizeof search);
     search.a = map->build.search_u;
     search.b = map->build.search_v;
+    search.deflate = deflate;
+    search.near2 = near2 * (1.0f - 1.0f / 4096.0f);
+    search.near_u = search.a > 0.0f ? (int)conemap__min(sqrtf(near2) / search.a, most) + 1 : CONEMAP_MAX_SIZE;
+    search.near_v = search.b > 0.0f ? (int)conemap__min(sqrtf(near2) / search.b, most) + 1 : CONEMAP_MAX_SIZE;
     search.widen2 = (1.0f + slack) * (1.0f + slack);
+    search.fold2 = slack * slack * (15.0f / 16.0f);
     return search;
 }
 
@@ -3540,19 +3585,24 @@ static int conemap__next_run(const conemap_map *map, int sector, int *x, int end
 /* Searches one tile: slopes holds what is known of each texel, row by row, and then what was found. */
 static void conemap__search_tile(const conemap_map *map, conemap__search *search, int x0, int y0, float *slopes) {
     conemap__tile tile;
-    int w = map->info.width, h = map->info.height, k, n, any = 0;
+    int w = map->info.width, h = map->info.height, i, j, k, n, any = 0;
+    int is_whole = x0 + CONEMAP__TILE <= w && y0 + CONEMAP__TILE <= h && !map->build.wanted;
+    const float least = map->build.least_slope2;
     unsigned char used[CONEMAP__NOTED];
-    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
-        int x = x0 + k % CONEMAP__TILE, y = y0 + k / CONEMAP__TILE;
-        tile.height[k] = 2.0f;
-        tile.slope2[k] = map->build.least_slope2;
-        tile.decider[k] = 0;
-        if (x >= w || y >= h || !conemap__is_wanted(map, search->sector.number, x, y, CONEMAP__SEARCH)) continue;
-        tile.height[k] = conemap__height(map, x, y);
-        tile.slope2[k] = slopes[(size_t)y * (size_t)w + (size_t)x];
-        if (tile.slope2[k] > map->build.least_slope2) tile.slope2[k] *= search->widen2;
-        any = 1;
-    }
+    memset(tile.decider, 0, sizeof tile.decider);
+    for (j = 0; j < CONEMAP__TILE; ++j)
+        for (i = 0; i < CONEMAP__TILE; ++i) {
+            int x = x0 + i, y = y0 + j;
+            size_t at = (size_t)y * (size_t)w + (size_t)x;
+            k = conemap__tile_number(i, j);
+            tile.height[k] = 2.0f;
+            tile.slope2[k] = least;
+            if (!is_whole && (x >= w || y >= h)) continue;
+            if (!is_whole && !conemap__is_wanted(map, search->sector.number, x, y, CONEMAP__SEARCH)) continue;
+            tile.height[k] = map->heights[at];
+            tile.slope2[k] = slopes[at] > least ? slopes[at] * search->widen2 : slopes[at];
+            any = 1;
+        }
     if (!any) return;
     tile.noted = 1;
     tile.x = x0;
@@ -3560,15 +3610,16 @@ static void conemap__search_tile(const conemap_map *map, conemap__search *search
     conemap__kernels_of(map->isa)->search_tile(map, search, &tile);
     memset(used, 0, sizeof used);
     search->seeds = 0;
-    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
-        if (tile.height[k] > 1.0f) continue;
-        slopes[(size_t)(y0 + k / CONEMAP__TILE) * (size_t)w + (size_t)(x0 + k % CONEMAP__TILE)] = tile.slope2[k];
-        n = tile.decider[k];
-        if (n == 0 || used[n]) continue;
-        used[n] = 1;
-        search->seed_x[search->seeds] = tile.noted_x[n];
-        search->seed_y[search->seeds++] = tile.noted_y[n];
-    }
+    for (j = 0; j < CONEMAP__TILE; ++j)
+        for (i = 0; i < CONEMAP__TILE; ++i) {
+            k = conemap__tile_number(i, j);
+            if (tile.height[k] > 1.0f) continue;
+            slopes[(size_t)(y0 + j) * (size_t)w + (size_t)(x0 + i)] = tile.slope2[k];
+            n = tile.decider[k];
+            if (i < CONEMAP__TILE - CONEMAP__SEED_COLUMNS || n == 0 || used[n]) continue;
+            used[n] = 1;
+            search->seed[search->seeds++] = tile.note[n];
+        }
 }
 
 /* Along one axis, a texel's block at some level and its two neighbours: index 0 before, 1 own, 2 after. */
@@ -4518,11 +4569,11 @@ static conemap_result conemap__quick_rows(const conemap_map *map, int y0, int y1
 }
 
 static conemap_result conemap__exact_rows(const conemap_map *map, int sector, int y0, int y1) {
-    conemap__search search = conemap__make_search(map);
+    conemap__search search = conemap__make_search(
+        map, conemap__near2(map, map->build.search_u, map->build.search_v, 0.0f), 0.0f);
     float *plane = map->build.plane + (size_t)sector * conemap__texels(map);
     conemap_result result;
     int x, y, k, end, w = map->info.width;
-    search.near2 = conemap__near2(map, search.a, search.b, 0.0f) * (1.0f - 1.0f / 4096.0f);
     for (y = y0; y < y1; ++y) {
         float *row = plane + (size_t)y * (size_t)w;
         const float *rows[2 * CONEMAP__RINGS + 1];
@@ -4635,12 +4686,10 @@ static conemap_result conemap__part_band(const conemap__band *band, conemap__sea
 
 static conemap_result conemap__safe_band(const conemap_map *map, int job) {
     conemap__band band = conemap__make_band(map, job);
-    conemap__search search = conemap__make_search(map);
+    conemap__search search = conemap__make_search(map, conemap__near2(map, band.a, band.b, band.deflate), band.deflate);
     conemap__sights sights;
     float least = map->build.least_slope2 * (1.0f - 4.0f * conemap__safe_margin(map)); /* the margin leaves max_tan
                                                                                           whole */
-    search.deflate = band.deflate;
-    search.near2 = conemap__near2(map, band.a, band.b, band.deflate) * (1.0f - 1.0f / 4096.0f);
     search.sector = band.sector;
     search.room = 1;
     search.relaxed = map->info.guarantee == CONEMAP_GUARANTEE_RELAXED_BILINEAR;
@@ -5084,20 +5133,17 @@ static int conemap__narrow_tile(const conemap__edit *edit, conemap__search *sear
     const conemap_map *map = edit->map;
     const conemap_info *info = &map->info;
     conemap__tile tile;
-    int k, a, b, any = 0, images_u = info->wrap_u == CONEMAP_WRAP, images_v = info->wrap_v == CONEMAP_WRAP;
-    int width = conemap__mini(CONEMAP__TILE, info->width - x0);
-    int height = conemap__mini(CONEMAP__TILE, info->height - y0);
+    float found[CONEMAP__TILE_TEXELS];
+    int i, j, a, b, any = 0, images_u = info->wrap_u == CONEMAP_WRAP, images_v = info->wrap_v == CONEMAP_WRAP;
+    int close = conemap__is_close(edit, x0, x0 + CONEMAP__TILE - 1, y0, y0 + CONEMAP__TILE - 1);
     memset(tile.decider, 0, sizeof tile.decider);
-    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) tile.height[k] = 2.0f;
-    for (k = 0; k < CONEMAP__TILE; ++k)
-        memcpy(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
-    for (k = 0; k < height; ++k)
-        memcpy(tile.height + k * CONEMAP__TILE, map->heights + (size_t)(y0 + k) * (size_t)info->width + (size_t)x0,
-               (size_t)width * sizeof(float));
-    if (conemap__is_close(edit, x0, x0 + CONEMAP__TILE - 1, y0, y0 + CONEMAP__TILE - 1))
-        for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
-            int i = x0 + k % CONEMAP__TILE, j = y0 + k / CONEMAP__TILE;
-            if (conemap__is_close(edit, i, i, j, j)) tile.height[k] = 2.0f;
+    for (j = 0; j < CONEMAP__TILE; ++j)
+        for (i = 0; i < CONEMAP__TILE; ++i) {
+            int inside = x0 + i < info->width && y0 + j < info->height, k = conemap__tile_number(i, j);
+            tile.slope2[k] = floors[j * pitch + i];
+            tile.height[k] = inside && !(close && conemap__is_close(edit, x0 + i, x0 + i, y0 + j, y0 + j))
+                ? conemap__height(map, x0 + i, y0 + j)
+                : 2.0f;
         }
     tile.noted = 1;
     for (b = -images_v; b <= images_v; ++b)
@@ -5106,20 +5152,21 @@ static int conemap__narrow_tile(const conemap__edit *edit, conemap__search *sear
             tile.y = y0 - edit->y - b * info->height;
             conemap__kernels_of(map->isa)->search_tile(&edit->raised, search, &tile);
         }
-    for (k = 0; k < CONEMAP__TILE; ++k)
-        any |= memcmp(tile.slope2 + k * CONEMAP__TILE, floors + k * pitch, sizeof(float) * CONEMAP__TILE);
-    for (k = 0; any && k < CONEMAP__TILE * CONEMAP__TILE; ++k)
-        if (!(tile.slope2[k] > floors[k / CONEMAP__TILE * pitch + k % CONEMAP__TILE])) tile.slope2[k] = 0.0f;
-    if (any) conemap__narrow(edit, x0, y0, tile.slope2);
+    for (j = 0; j < CONEMAP__TILE; ++j)
+        for (i = 0; i < CONEMAP__TILE; ++i) {
+            float slope2 = tile.slope2[conemap__tile_number(i, j)];
+            int is_steeper = slope2 > floors[j * pitch + i];
+            found[j * CONEMAP__TILE + i] = is_steeper ? slope2 : 0.0f;
+            any |= is_steeper;
+        }
+    if (any) conemap__narrow(edit, x0, y0, found);
     return any != 0;
 }
 
 static void conemap__narrow_block(const conemap__edit *edit, int block_u, int block_v) {
     float floors[CONEMAP__BAND * CONEMAP__BAND];
-    conemap__search search = conemap__make_search(edit->map);
+    conemap__search search = conemap__make_search(edit->map, edit->near2, edit->deflate);
     int x0 = block_u * CONEMAP__BAND, y0 = block_v * CONEMAP__BAND, x, y, narrowed = 0;
-    search.deflate = edit->deflate;
-    search.near2 = edit->near2 * (1.0f - 1.0f / 4096.0f);
     search.is_away = 1;
     conemap__block_floors(edit, x0, y0, floors);
     for (y = 0; y < conemap__mini(CONEMAP__BAND, edit->map->info.height - y0); y += CONEMAP__TILE)
@@ -17293,6 +17340,8 @@ CONEMAP__DEF conemap_result conemap_skeleton_shade(const conemap_skeleton *skele
 #undef CONEMAP__BAND
 #undef CONEMAP__RUN
 #undef CONEMAP__TILE
+#undef CONEMAP__TILE_TEXELS
+#undef CONEMAP__SEED_COLUMNS
 #undef CONEMAP__RINGS
 #undef CONEMAP__RING_TEXELS
 #undef CONEMAP__SIGHT_REACH
@@ -18081,7 +18130,11 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
                 for (a = 0; a < 3; ++a) {
                     CONEMAP__F dh, d2, other;
                     if (a == 1 && b == 1) continue;
-                    dh = CONEMAP__SUB(CONEMAP__GATHERF(row, CONEMAP__LOADI(columns->node[k][a] + i)), apex);
+                    if ((1 << k) >= CONEMAP__LANES) /* all lanes lie in one block and share its neighbours */
+                        dh = CONEMAP__F1(row[columns->node[k][a][i]]);
+                    else
+                        dh = CONEMAP__GATHERF(row, CONEMAP__LOADI(columns->node[k][a] + i));
+                    dh = CONEMAP__SUB(dh, apex);
                     dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
                     d2 = CONEMAP__ADD(CONEMAP__LOADF(columns->p[k][a] + i), CONEMAP__F1(levels[k].q[b]));
                     other = CONEMAP__ADD(CONEMAP__LOADF(columns->q[k][a] + i), CONEMAP__F1(levels[k].p[b]));
@@ -18097,217 +18150,192 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(quick_row)(const conemap_pyramid *pyramid
 
 /* ---- the search of a tile: see G E N E R A T I O N --------------------------------------------------------------- */
 
-/* Squares of the distances from the tile's columns, or rows, to the places from first to last; `less` is taken off. */
-CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(int first, int last, float texel, float less, float *out) {
+/* Lanes go over two rows of a tile, which is asked by groups. Sets with fewer lanes take several steps for one. */
+#define CONEMAP__GROUP (CONEMAP__LANES < 8 ? 8 : CONEMAP__LANES)
+#define CONEMAP__GROUPS (0xffffffffu >> (32 - CONEMAP__TILE_TEXELS / CONEMAP__GROUP))
+
+/* Squares of the distances from `count` places to those from first to last; `less` is taken off. */
+CONEMAP__HELPER void CONEMAP__KERNEL(distances2)(const float *places, int count, int first, int last, float texel,
+                                                 float less, float *out) {
     int i;
-    for (i = 0; i < CONEMAP__TILE; i += CONEMAP__LANES) {
-        CONEMAP__F place = CONEMAP__LOADF(conemap__places + i), d;
+    for (i = 0; i < count; i += CONEMAP__LANES) {
+        CONEMAP__F place = CONEMAP__LOADF(places + i), d;
         d = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1((float)first), place), CONEMAP__SUB(place, CONEMAP__F1((float)last)));
         d = CONEMAP__MUL(CONEMAP__MAX(d, CONEMAP__F1(0.0f)), CONEMAP__F1(texel));
         CONEMAP__STOREF(out + i, CONEMAP__SUB(CONEMAP__MUL(d, d), CONEMAP__F1(less)));
     }
 }
 
-/* A tile is gone through in parts: rows, or with one lane groups of 2 x 2 texels, of which those are left out for which
-   a block was in vain above. */
-#define CONEMAP__PART_WIDTH (CONEMAP__LANES == 1 ? 2 : CONEMAP__TILE)
-#define CONEMAP__PART_HEIGHT (CONEMAP__LANES == 1 || CONEMAP__LANES > CONEMAP__TILE ? 2 : 1)
-#define CONEMAP__LANE_WIDTH (CONEMAP__LANES < CONEMAP__TILE ? CONEMAP__LANES : CONEMAP__TILE)
-#define CONEMAP__LANE_HEIGHT (CONEMAP__LANES > CONEMAP__TILE ? 2 : 1)
-
-/* The number of the row, or of the two rows, in which a vector of texels lies. */
-CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_row)(const float *row) {
-    if (CONEMAP__LANES <= CONEMAP__TILE) return CONEMAP__F1(row[0]);
-    return CONEMAP__PICK(CONEMAP__IGT(CONEMAP__LOADI(conemap__second_row), CONEMAP__I1(0)), CONEMAP__F1(row[1]),
-                         CONEMAP__F1(row[0]));
-}
-
-/* Which texels may see something steeper than their bar in a block as high as this? Leaves dh^2 and d^2. What is nearer
-   than near2 counts as so far away: the near field sees more of it, and fewer blocks are opened. One lane looks only
-   where it is `asked` to. */
-CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(beats)(CONEMAP__F near_d2, int asked, float highest,
-                                                  CONEMAP__F apex, CONEMAP__F bar, CONEMAP__F x2, CONEMAP__F y2,
-                                                  CONEMAP__F *dh2, CONEMAP__F *d2) {
-    CONEMAP__F dh;
-    if (CONEMAP__LANES == 1 && !asked) return CONEMAP__LT(apex, apex);
-    dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
-    *dh2 = CONEMAP__MUL(dh, dh);
-    *d2 = CONEMAP__ADD(x2, y2);
-    *d2 = CONEMAP__MAX(*d2, near_d2);
-    return CONEMAP__LT(CONEMAP__MUL(bar, *d2), *dh2);
-}
-
-/* Of those the ones that do. */
-CONEMAP__HELPER void CONEMAP__KERNEL(take)(CONEMAP__M beats, CONEMAP__F dh2, CONEMAP__F d2, int number, float widen2,
-                                           CONEMAP__F *s, CONEMAP__I *decider) {
-    CONEMAP__F slope2;
-    if (CONEMAP__LANES == 1 && !CONEMAP__ANY(beats)) return;
-    slope2 = CONEMAP__DIV(dh2, d2);
-    beats = CONEMAP__AND(beats, CONEMAP__LT(*s, slope2));
-    *s = CONEMAP__PICK(beats, CONEMAP__MUL(slope2, CONEMAP__F1(widen2)), *s);
-    *decider = CONEMAP__PICKI(beats, CONEMAP__I1(number), *decider);
-}
-
-/* Texels from i on: tests up to four texels against them. Returns whether one is steeper for some. */
-CONEMAP__HELPER int CONEMAP__KERNEL(look_from)(CONEMAP__F near_d2, conemap__tile *tile, int i,
-                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
-                                               const float *heights, int texels, int number, float widen2) {
-    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), s = CONEMAP__LOADF(tile->slope2 + i), bar;
-    CONEMAP__F zero = CONEMAP__F1(0.0f), dh2[4], d2[4];
-    CONEMAP__M beats[4];
-    CONEMAP__I decider;
-    dh2[0] = dh2[1] = dh2[2] = dh2[3] = d2[0] = d2[1] = d2[2] = d2[3] = zero;
-    bar = CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN));
-    beats[0] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[0], apex, bar, left, top, &dh2[0], &d2[0]);
-    if (texels == 1) {
-        if (!CONEMAP__ANY(beats[0])) return 0;
-    } else {
-        beats[1] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[1], apex, bar, right, top, &dh2[1], &d2[1]);
-        beats[2] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[2], apex, bar, left, bottom, &dh2[2], &d2[2]);
-        beats[3] = CONEMAP__KERNEL(beats)(near_d2, 1, heights[3], apex, bar, right, bottom, &dh2[3], &d2[3]);
-        if (!CONEMAP__ANY(CONEMAP__OR(CONEMAP__OR(beats[0], beats[1]), CONEMAP__OR(beats[2], beats[3])))) return 0;
+/* And of those to the farther of first and last. */
+CONEMAP__HELPER void CONEMAP__KERNEL(farthest2)(const float *places, int count, int first, int last, float texel,
+                                                float less, float *out) {
+    int i;
+    for (i = 0; i < count; i += CONEMAP__LANES) {
+        CONEMAP__F place = CONEMAP__LOADF(places + i), d;
+        d = CONEMAP__MAX(CONEMAP__SUB(place, CONEMAP__F1((float)first)), CONEMAP__SUB(CONEMAP__F1((float)last), place));
+        d = CONEMAP__MUL(d, CONEMAP__F1(texel));
+        CONEMAP__STOREF(out + i, CONEMAP__SUB(CONEMAP__MUL(d, d), CONEMAP__F1(less)));
     }
-    decider = CONEMAP__LOADI(tile->decider + i);
-    CONEMAP__KERNEL(take)(beats[0], dh2[0], d2[0], number, widen2, &s, &decider);
-    if (texels > 1) {
-        CONEMAP__KERNEL(take)(beats[1], dh2[1], d2[1], number + 1, widen2, &s, &decider);
-        CONEMAP__KERNEL(take)(beats[2], dh2[2], d2[2], number + 2, widen2, &s, &decider);
-        CONEMAP__KERNEL(take)(beats[3], dh2[3], d2[3], number + 3, widen2, &s, &decider);
-    }
-    /* what is noted must not depend on the lanes: within the margin nothing was found */
-    if (!CONEMAP__ANY(CONEMAP__LT(CONEMAP__LOADF(tile->slope2 + i), s))) return 0;
-    CONEMAP__STOREF(tile->slope2 + i, s);
-    CONEMAP__STOREI(tile->decider + i, decider);
-    return 1;
 }
 
-/* Tests texels (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), or only the first, against the tile's. Places count from
-   the tile's corner. */
-CONEMAP__HELPER void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, int groups, int x,
-                                              int y, const float *heights, int texels) {
+/* What numbers of columns and rows say of texels from number i on. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_columns)(const float *columns, int i) {
+    return CONEMAP__LOADF(columns + i % (2 * CONEMAP__TILE));
+}
+
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(of_rows)(const float *rows, int i) {
+    return CONEMAP__PAIRF(rows + i / (2 * CONEMAP__TILE) * 2 + (CONEMAP__LANES == 1 ? i % 2 : 0));
+}
+
+/* Tests a texel against the tile's, or a block that may stand for one. What is nearer than near2 counts as so far away:
+   the near field sees more of it. */
+CONEMAP__FUNCTION void CONEMAP__KERNEL(look_at)(const conemap__search *search, conemap__tile *tile, unsigned groups,
+                                                const conemap__seed *seed) {
     const CONEMAP__F near_d2 = CONEMAP__F1(search->near2 - search->deflate);
-    float x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
-    int c, u, v, i, j, noted, any = 0;
-    if (tile->noted + 4 > CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
-    noted = tile->noted;
-    for (c = 0; c < 2; ++c) {
-        CONEMAP__KERNEL(distances2)(x + c, x + c, search->a, 0.0f, x2[c]);
-        CONEMAP__KERNEL(distances2)(y + c, y + c, search->b, search->deflate, y2[c]);
+    float x2[2 * CONEMAP__TILE], y2[CONEMAP__TILE], far_x2[2 * CONEMAP__TILE], far_y2[CONEMAP__TILE];
+    int left = seed->x - tile->x, top = seed->y - tile->y, side = (1 << seed->k) - 1, i, any = 0;
+    if (tile->noted == CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
+    CONEMAP__KERNEL(distances2)(conemap__column_places, 2 * CONEMAP__TILE, left, left + side, search->a, 0.0f, x2);
+    CONEMAP__KERNEL(distances2)(conemap__row_places, CONEMAP__TILE, top, top + side, search->b, search->deflate, y2);
+    if (side > 0) {
+        CONEMAP__KERNEL(farthest2)(conemap__column_places, 2 * CONEMAP__TILE, left, left + side, search->a, 0.0f,
+                                   far_x2);
+        CONEMAP__KERNEL(farthest2)(conemap__row_places, CONEMAP__TILE, top, top + side, search->b, search->deflate,
+                                   far_y2);
     }
-    for (v = 0; v < CONEMAP__TILE; v += CONEMAP__PART_HEIGHT)
-        for (u = 0; u < CONEMAP__TILE; u += CONEMAP__PART_WIDTH) {
-            int won = 0;
-            if (CONEMAP__LANES == 1 && !(groups >> (2 * v + u / 2) & 1)) continue;
-            for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
-                CONEMAP__F top = CONEMAP__KERNEL(of_row)(y2[0] + j), bottom = CONEMAP__KERNEL(of_row)(y2[1] + j);
-                for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    won |= CONEMAP__KERNEL(look_from)(near_d2, tile, CONEMAP__TILE * j + i, CONEMAP__LOADF(x2[0] + i),
-                                                      CONEMAP__LOADF(x2[1] + i), top, bottom, heights, texels, noted,
-                                                      search->widen2);
-            }
-            if (CONEMAP__LANES == 1 && won) conemap__lower_bar(tile, 2 * v + u / 2);
-            any |= won;
+    for (; groups; groups &= groups - 1) {
+        int first = CONEMAP__TRAILING_ZEROS(groups) * CONEMAP__GROUP;
+        for (i = first; i < first + CONEMAP__GROUP; i += CONEMAP__LANES) {
+            CONEMAP__F s = CONEMAP__LOADF(tile->slope2 + i), dh, d2, found;
+            CONEMAP__M is_steeper;
+            dh = CONEMAP__SUB(CONEMAP__F1(seed->height), CONEMAP__LOADF(tile->height + i));
+            dh = CONEMAP__MAX(dh, CONEMAP__F1(0.0f));
+            dh = CONEMAP__MUL(dh, dh);
+            d2 = CONEMAP__ADD(CONEMAP__KERNEL(of_columns)(x2, i), CONEMAP__KERNEL(of_rows)(y2, i));
+            found = CONEMAP__DIV(dh, CONEMAP__MAX(d2, near_d2));
+            is_steeper = CONEMAP__LT(s, found);
+            if (side > 0)
+                found = CONEMAP__DIV(dh, CONEMAP__ADD(CONEMAP__KERNEL(of_columns)(far_x2, i),
+                                                      CONEMAP__KERNEL(of_rows)(far_y2, i)));
+            any |= CONEMAP__BITS(is_steeper);
+            s = CONEMAP__PICK(is_steeper, CONEMAP__MUL(found, CONEMAP__F1(search->widen2)), s);
+            CONEMAP__STOREF(tile->slope2 + i, s);
+            CONEMAP__STOREF(tile->bar + i, CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)));
+            CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(is_steeper, CONEMAP__I1(tile->noted),
+                                                              CONEMAP__LOADI(tile->decider + i)));
         }
-    if (!any) return;
-    for (c = 0; c < texels; ++c) {
-        tile->noted_x[noted + c] = x + (c & 1) + tile->x + tile->shift_x;
-        tile->noted_y[noted + c] = y + (c >> 1) + tile->y + tile->shift_y;
     }
-    tile->noted += texels;
+    if (!any) return;
+    tile->note[tile->noted] = *seed;
+    tile->note[tile->noted].x += tile->shift_x;
+    tile->note[tile->noted++].y += tile->shift_y;
 }
 
-/* Texels from i on: adds those that must look into each of four blocks to `some`. */
-CONEMAP__HELPER void CONEMAP__KERNEL(ask_from)(const conemap__tile *tile, CONEMAP__F near_d2, int i, int asked,
-                                               CONEMAP__F left, CONEMAP__F right, CONEMAP__F top, CONEMAP__F bottom,
-                                               const float *highest, CONEMAP__M *some) {
-    CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), bar = CONEMAP__LOADF(tile->slope2 + i), dh2, d2;
-    bar = CONEMAP__MUL(bar, CONEMAP__F1(CONEMAP__MARGIN));
-    some[0] = CONEMAP__OR(some[0], CONEMAP__KERNEL(beats)(near_d2, asked & 1, highest[0], apex, bar, left, top, &dh2,
-                                                          &d2));
-    some[1] = CONEMAP__OR(some[1], CONEMAP__KERNEL(beats)(near_d2, asked & 2, highest[1], apex, bar, right, top, &dh2,
-                                                          &d2));
-    some[2] = CONEMAP__OR(some[2], CONEMAP__KERNEL(beats)(near_d2, asked & 4, highest[2], apex, bar, left, bottom, &dh2,
-                                                          &d2));
-    some[3] = CONEMAP__OR(some[3], CONEMAP__KERNEL(beats)(near_d2, asked & 8, highest[3], apex, bar, right, bottom,
-                                                          &dh2, &d2));
+/* Marks the lanes that may see something steeper than their bar in a block as high as this, by the squares of its
+   distances. What is nearer than near2 counts as so far away: the near field sees more of it. */
+CONEMAP__HELPER CONEMAP__I CONEMAP__KERNEL(beats)(CONEMAP__F apex, CONEMAP__F bar, float highest, CONEMAP__F x2,
+                                                  CONEMAP__F y2, int is_near, float near_d2, CONEMAP__I bit,
+                                                  CONEMAP__I alive) {
+    CONEMAP__F dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), apex), CONEMAP__F1(0.0f));
+    CONEMAP__F d2 = CONEMAP__ADD(x2, y2);
+    if (is_near) d2 = CONEMAP__MAX(d2, CONEMAP__F1(near_d2));
+    return CONEMAP__IOR(alive, CONEMAP__MARK(CONEMAP__LT(CONEMAP__MUL(bar, d2), CONEMAP__MUL(dh, dh)), bit));
+}
+
+/* Pairs of lanes in one: those of the first vector, then those of the second. */
+CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(unite)(CONEMAP__F a, CONEMAP__F b) {
+    return CONEMAP__BITSF(CONEMAP__IOR(CONEMAP__BITSI(CONEMAP__EVEN(a, b)), CONEMAP__BITSI(CONEMAP__ODD(a, b))));
+}
+
+/* Which groups must look into each of four blocks? columns: of the left and right ones; rows: upper and lower. */
+CONEMAP__HELPER void CONEMAP__KERNEL(ask)(const conemap__tile *tile, unsigned groups, const float *highest,
+                                          float columns[2][2 * CONEMAP__TILE], float rows[2][CONEMAP__TILE],
+                                          int is_near, float near_d2, unsigned *alive) {
+    const int each = CONEMAP__LANES < 4 ? 1 : CONEMAP__LANES / 4;
+    int32_t lanes[4 * CONEMAP__LANES];
+    CONEMAP__I some[4];
+    int c, k;
+    some[0] = some[1] = some[2] = some[3] = CONEMAP__I1(0);
+    do {
+        int group = CONEMAP__TRAILING_ZEROS(groups), first = group * CONEMAP__GROUP, i;
+        CONEMAP__I bit = CONEMAP__I1(conemap__bit[group]);
+        for (i = first; i < first + CONEMAP__GROUP; i += CONEMAP__LANES) {
+            CONEMAP__F apex = CONEMAP__LOADF(tile->height + i), bar = CONEMAP__LOADF(tile->bar + i);
+            CONEMAP__F left = CONEMAP__KERNEL(of_columns)(columns[0], i);
+            CONEMAP__F right = CONEMAP__KERNEL(of_columns)(columns[1], i);
+            CONEMAP__F top = CONEMAP__KERNEL(of_rows)(rows[0], i), bottom = CONEMAP__KERNEL(of_rows)(rows[1], i);
+            some[0] = CONEMAP__KERNEL(beats)(apex, bar, highest[0], left, top, is_near, near_d2, bit, some[0]);
+            some[1] = CONEMAP__KERNEL(beats)(apex, bar, highest[1], right, top, is_near, near_d2, bit, some[1]);
+            some[2] = CONEMAP__KERNEL(beats)(apex, bar, highest[2], left, bottom, is_near, near_d2, bit, some[2]);
+            some[3] = CONEMAP__KERNEL(beats)(apex, bar, highest[3], right, bottom, is_near, near_d2, bit, some[3]);
+        }
+        groups &= groups - 1;
+    } while (groups);
+    if (CONEMAP__LANES == 1)
+        for (c = 0; c < 4; ++c) CONEMAP__STOREI(lanes + c, some[c]);
+    else
+        CONEMAP__STOREI(lanes, CONEMAP__BITSI(CONEMAP__KERNEL(unite)(
+            CONEMAP__KERNEL(unite)(CONEMAP__BITSF(some[0]), CONEMAP__BITSF(some[1])),
+            CONEMAP__KERNEL(unite)(CONEMAP__BITSF(some[2]), CONEMAP__BITSF(some[3])))));
+    for (c = 0; c < 4; ++c)
+        for (k = 0, alive[c] = 0; k < each; ++k) alive[c] |= (uint32_t)lanes[c * each + k];
 }
 
 /* Pushes those of four sibling blocks, the children of (x, y) of level k + 1, that some texel must look into; the one
    nearest to the tile comes last and so is popped first. `skip`: a child that is left out, or -1. */
-CONEMAP__HELPER int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search, conemap__tile *tile,
-                                          int k, int x, int y, int groups, int skip, conemap__node *out) {
+CONEMAP__FUNCTION int CONEMAP__KERNEL(open)(const conemap_map *map, const conemap__search *search,
+                                          const conemap__tile *tile, int k, int x, int y, unsigned groups, int skip,
+                                          conemap__node *out) {
     const conemap_pyramid *pyramid = &map->build.texels;
-    int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, c, u, v, i, j, count = 0;
-    int near_x = left + size <= CONEMAP__TILE / 2, near_y = top + size <= CONEMAP__TILE / 2;
-    int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k], alive[4];
+    int size = 1 << k, left = 2 * size * x - tile->x, top = 2 * size * y - tile->y, c, count = 0;
+    int nearest = (left + size <= CONEMAP__TILE / 2) + 2 * (top + size <= CONEMAP__TILE / 2);
+    int right_too = 2 * x + 1 < pyramid->width[k], below_too = 2 * y + 1 < pyramid->height[k];
     const float *row = conemap__maxima(pyramid, k, 2 * y) + 2 * x;
-    const CONEMAP__F near_d2 = CONEMAP__F1(search->near2 - search->deflate);
-    float highest[4], x2[2][2 * CONEMAP__TILE], y2[2][2 * CONEMAP__TILE];
-    CONEMAP__M some[4], none = CONEMAP__LT(CONEMAP__F1(0.0f), CONEMAP__F1(0.0f));
+    float highest[4], columns[2][2 * CONEMAP__TILE], rows[2][CONEMAP__TILE], near_d2 = search->near2 - search->deflate;
+    int is_near = left < CONEMAP__TILE + search->near_u && left + 2 * size > -search->near_u &&
+                  top < CONEMAP__TILE + search->near_v && top + 2 * size > -search->near_v;
+    uint64_t place = (uint64_t)(2 * y) << 32 | (uint64_t)(2 * x), level = (uint64_t)k << 32;
+    unsigned alive[4];
     highest[0] = row[0];
     highest[1] = right_too ? row[1] : -1.0f;
     highest[2] = below_too ? row[pyramid->width[k]] : -1.0f;
     highest[3] = right_too && below_too ? row[pyramid->width[k] + 1] : -1.0f;
     if (skip >= 0) highest[skip] = -1.0f;
     for (c = 0; c < 2; ++c) {
-        CONEMAP__KERNEL(distances2)(left + c * size, left + c * size + size - 1, search->a, 0.0f, x2[c]);
-        CONEMAP__KERNEL(distances2)(top + c * size, top + c * size + size - 1, search->b, search->deflate, y2[c]);
+        CONEMAP__KERNEL(distances2)(conemap__column_places, 2 * CONEMAP__TILE, left + c * size,
+                                    left + c * size + size - 1, search->a, 0.0f, columns[c]);
+        CONEMAP__KERNEL(distances2)(conemap__row_places, CONEMAP__TILE, top + c * size, top + c * size + size - 1,
+                                    search->b, search->deflate, rows[c]);
     }
-    alive[0] = alive[1] = alive[2] = alive[3] = 0;
-    some[0] = some[1] = some[2] = some[3] = none;
-    for (v = 0; v < CONEMAP__TILE; v += CONEMAP__PART_HEIGHT)
-        for (u = 0; u < CONEMAP__TILE; u += CONEMAP__PART_WIDTH) {
-            int asked = 15, group = 2 * v + u / 2;
-            if (CONEMAP__LANES == 1) {
-                if (!(groups >> group & 1)) continue;
-                asked = conemap__ask_group(tile, group, highest, x2[0], x2[1], y2[0], y2[1]);
-                if (!asked) continue;
-                some[0] = some[1] = some[2] = some[3] = none;
-            }
-            for (j = v; j < v + CONEMAP__PART_HEIGHT; j += CONEMAP__LANE_HEIGHT) {
-                CONEMAP__F first = CONEMAP__KERNEL(of_row)(y2[0] + j), second = CONEMAP__KERNEL(of_row)(y2[1] + j);
-                for (i = u; i < u + CONEMAP__PART_WIDTH; i += CONEMAP__LANE_WIDTH)
-                    CONEMAP__KERNEL(ask_from)(tile, near_d2, CONEMAP__TILE * j + i, asked, CONEMAP__LOADF(x2[0] + i),
-                                              CONEMAP__LOADF(x2[1] + i), first, second, highest, some);
-            }
-            if (CONEMAP__LANES == 1)
-                for (c = 0; c < 4; ++c) alive[c] |= CONEMAP__BITS(some[c]) << group;
-        }
-    if (CONEMAP__LANES > 1) {
-        alive[0] = CONEMAP__ANY(some[0]);
-        alive[1] = CONEMAP__ANY(some[1]);
-        alive[2] = CONEMAP__ANY(some[2]);
-        alive[3] = CONEMAP__ANY(some[3]);
-    }
+    if (is_near)
+        CONEMAP__KERNEL(ask)(tile, groups, highest, columns, rows, 1, near_d2, alive);
+    else
+        CONEMAP__KERNEL(ask)(tile, groups, highest, columns, rows, 0, near_d2, alive);
     for (c = 3; c >= 0; --c) {
-        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y;
-        out[count].k = k;
-        out[count].x = 2 * x + across;
-        out[count].y = 2 * y + down;
-        out[count].groups = alive[2 * down + across];
-        count += alive[2 * down + across] != 0;
+        int child = c ^ nearest;
+        out[count].place = place + conemap__child_places[child];
+        out[count].groups = level | alive[child];
+        count += alive[child] != 0;
     }
     return count;
 }
 
-/* Works the stack off, down to blocks of 2 x 2 texels, which are looked at one by one. */
+/* Works the stack off, down to texels and what may stand for them. */
 CONEMAP__HELPER void CONEMAP__KERNEL(work_off)(const conemap_map *map, const conemap__search *search,
                                                conemap__tile *tile, conemap__node *stack, int count) {
     while (count > 0) {
         conemap__node node = stack[--count];
-        if (node.k > 1) {
-            count += CONEMAP__KERNEL(open)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1,
-                                           stack + count);
+        int k = (int)(node.groups >> 32), x = (int)(node.place & 0xffffffffu), y = (int)(node.place >> 32);
+        unsigned groups = (unsigned)(node.groups & 0xffffffffu);
+        if (conemap__counts_as_texel(search, tile, k, x * (1 << k), y * (1 << k))) {
+            conemap__seed seed;
+            seed.k = k;
+            seed.x = x * (1 << k);
+            seed.y = y * (1 << k);
+            seed.height = conemap__maxima(&map->build.texels, k, y)[x];
+            CONEMAP__KERNEL(look_at)(search, tile, groups, &seed);
         } else {
-            int w = map->info.width, x = 2 * node.x, y = 2 * node.y;
-            const float *row = map->heights + (size_t)y * (size_t)w + (size_t)x;
-            int right_too = x + 1 < w, below_too = y + 1 < map->info.height;
-            float heights[4];
-            heights[0] = row[0];
-            heights[1] = right_too ? row[1] : -1.0f;
-            heights[2] = below_too ? row[w] : -1.0f;
-            heights[3] = right_too && below_too ? row[w + 1] : -1.0f;
-            CONEMAP__KERNEL(look_at)(search, tile, node.groups, x - tile->x, y - tile->y, heights, 4);
+            count += CONEMAP__KERNEL(open)(map, search, tile, k - 1, x, y, groups, -1, stack + count);
         }
     }
 }
@@ -18316,27 +18344,23 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
                                                  conemap__tile *tile) {
     conemap__node stack[3 * 17 + 4];
     const conemap_info *info = &map->info;
-    int levels = map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b, all = 0xffff;
+    int levels = map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b;
+    const unsigned all = CONEMAP__GROUPS;
     int wrap_u = info->wrap_u == CONEMAP_WRAP, wrap_v = info->wrap_v == CONEMAP_WRAP;
-    for (k = 0; CONEMAP__LANES == 1 && k < 16; ++k) conemap__sum_up(tile, k);
+    for (k = 0; k < CONEMAP__TILE_TEXELS; k += CONEMAP__LANES)
+        CONEMAP__STOREF(tile->bar + k, CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + k), CONEMAP__F1(CONEMAP__MARGIN)));
     tile->shift_x = tile->shift_y = 0;
-    for (k = 0; k < search->seeds; ++k) {
-        int x = search->seed_x[k], y = search->seed_y[k];
-        float height = conemap__height(map, conemap__texel_index(x, info->width, info->wrap_u),
-                                       conemap__texel_index(y, info->height, info->wrap_v));
-        CONEMAP__KERNEL(look_at)(search, tile, all, x - x0, y - y0, &height, 1);
-    }
+    for (k = 0; k < search->seeds; ++k)
+        if (conemap__counts_as_texel(search, tile, search->seed[k].k, search->seed[k].x, search->seed[k].y))
+            CONEMAP__KERNEL(look_at)(search, tile, all, &search->seed[k]);
     if (search->is_away) {
         k = CONEMAP__KERNEL(open)(map, search, tile, levels - 1, 0, 0, all, -1, stack);
         CONEMAP__KERNEL(work_off)(map, search, tile, stack, k);
         return;
     }
     if (levels == 1) return; /* a single texel and its images */
-    k = conemap__mini(3, levels - 1);
-    stack[0].k = k;
-    stack[0].x = x0 >> k;
-    stack[0].y = y0 >> k;
-    stack[0].groups = all;
+    k = conemap__mini(4, levels - 1);
+    stack[0] = conemap__make_node(k, x0 >> k, y0 >> k, all);
     CONEMAP__KERNEL(work_off)(map, search, tile, stack, 1);
     for (; k + 1 < levels; ++k) {
         int own = (y0 >> k & 1) << 1 | (x0 >> k & 1);
@@ -18364,10 +18388,11 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_all)(const conemap_map *map, const c
    maxima over those that fall, and at their far corners. */
 
 /* How far ahead of the tile's columns, or rows, places first..last are; `sign` 0 looks both ways. */
-CONEMAP__HELPER void CONEMAP__KERNEL(offsets)(int first, int last, int sign, conemap__offsets *out) {
+CONEMAP__HELPER void CONEMAP__KERNEL(offsets)(const float *places, int count, int first, int last, int sign,
+                                              conemap__offsets *out) {
     int i;
-    for (i = 0; i < CONEMAP__TILE; i += CONEMAP__LANES) {
-        CONEMAP__F place = CONEMAP__LOADF(conemap__places + i), zero = CONEMAP__F1(0.0f), nearest, farthest;
+    for (i = 0; i < count; i += CONEMAP__LANES) {
+        CONEMAP__F place = CONEMAP__LOADF(places + i), zero = CONEMAP__F1(0.0f), nearest, farthest;
         CONEMAP__F after = CONEMAP__SUB(CONEMAP__F1((float)first), place);
         CONEMAP__F before = CONEMAP__SUB(place, CONEMAP__F1((float)last));
         nearest = sign > 0 ? after : sign < 0 ? before : CONEMAP__MAX(after, before);
@@ -18385,8 +18410,8 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(sees)(const conemap__search *search, 
                                                  const conemap__offsets *columns, const conemap__offsets *rows,
                                                  float highest, float room, CONEMAP__F bar, CONEMAP__F *dh2,
                                                  CONEMAP__F *d2) {
-    CONEMAP__F x = CONEMAP__LOADF(columns->nearest + i % CONEMAP__TILE), zero = CONEMAP__F1(0.0f);
-    CONEMAP__F y = CONEMAP__KERNEL(of_row)(rows->nearest + i / CONEMAP__TILE), dh;
+    CONEMAP__F x = CONEMAP__KERNEL(of_columns)(columns->nearest, i), zero = CONEMAP__F1(0.0f);
+    CONEMAP__F y = CONEMAP__KERNEL(of_rows)(rows->nearest, i), dh;
     CONEMAP__M seen;
     dh = CONEMAP__MAX(CONEMAP__SUB(CONEMAP__F1(highest), CONEMAP__LOADF(tile->height + i)), zero);
     *dh2 = CONEMAP__MUL(dh, dh);
@@ -18397,8 +18422,8 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(sees)(const conemap__search *search, 
         else
             y = CONEMAP__MAX(y, CONEMAP__SUB(x, rooms));
     }
-    seen = CONEMAP__AND(CONEMAP__LE(x, CONEMAP__LOADF(columns->farthest + i % CONEMAP__TILE)),
-                        CONEMAP__LE(y, CONEMAP__KERNEL(of_row)(rows->farthest + i / CONEMAP__TILE)));
+    seen = CONEMAP__LE(x, CONEMAP__KERNEL(of_columns)(columns->farthest, i));
+    seen = CONEMAP__AND(seen, CONEMAP__LE(y, CONEMAP__KERNEL(of_rows)(rows->farthest, i)));
     x = CONEMAP__MUL(x, CONEMAP__F1(search->a));
     y = CONEMAP__MUL(y, CONEMAP__F1(search->b));
     *d2 = CONEMAP__SUB(CONEMAP__ADD(CONEMAP__MUL(x, x), CONEMAP__MUL(y, y)), CONEMAP__F1(search->deflate));
@@ -18409,8 +18434,8 @@ CONEMAP__HELPER CONEMAP__M CONEMAP__KERNEL(sees)(const conemap__search *search, 
 /* What texels from number i on see of the far corners, h high, of a cell at place (x, y), where it limits. */
 CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(far_corners)(const conemap__search *search, const conemap__tile *tile, int i,
                                                         int x, int y, const float *h, int always) {
-    CONEMAP__F dx = CONEMAP__SUB(CONEMAP__F1((float)x), CONEMAP__LOADF(conemap__places + i % CONEMAP__TILE));
-    CONEMAP__F dy = CONEMAP__SUB(CONEMAP__F1((float)y), CONEMAP__KERNEL(of_row)(conemap__places + i / CONEMAP__TILE));
+    CONEMAP__F dx = CONEMAP__SUB(CONEMAP__F1((float)x), CONEMAP__KERNEL(of_columns)(conemap__column_places, i));
+    CONEMAP__F dy = CONEMAP__SUB(CONEMAP__F1((float)y), CONEMAP__KERNEL(of_rows)(conemap__row_places, i));
     CONEMAP__F one = CONEMAP__F1(1.0f), zero = CONEMAP__F1(0.0f), best = zero, corners[4];
     CONEMAP__M limits;
     int c;
@@ -18432,12 +18457,9 @@ CONEMAP__HELPER CONEMAP__F CONEMAP__KERNEL(far_corners)(const conemap__search *s
     return best;
 }
 
-/* LANES texels of the tile, from number i on, are worked on for these groups. */
-#define CONEMAP__GROUP(i) (CONEMAP__LANES == 1 ? 4 * ((i) / (2 * CONEMAP__TILE)) + (i) % CONEMAP__TILE / 2 : 0)
-
 /* Tests texel (x, y) of the image at hand, or cell, against the tile's. */
 CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const conemap__search *search,
-                                                  conemap__tile *tile, int groups, int x, int y, float highest,
+                                                  conemap__tile *tile, unsigned groups, int x, int y, float highest,
                                                   int relaxed) {
     const conemap_info *info = &map->info;
     conemap__offsets columns, rows;
@@ -18454,35 +18476,39 @@ CONEMAP__HELPER void CONEMAP__KERNEL(look_at_one)(const conemap_map *map, const 
     } else if (search->sector.major != 0 && search->room && conemap__texels_by_border(info, x, x, y, y)) {
         room = CONEMAP__WIDE;
     }
-    CONEMAP__KERNEL(offsets)(left, left + relaxed, search->sector.su, &columns);
-    CONEMAP__KERNEL(offsets)(top, top + relaxed, search->sector.sv, &rows);
+    CONEMAP__KERNEL(offsets)(conemap__column_places, 2 * CONEMAP__TILE, left, left + relaxed, search->sector.su,
+                             &columns);
+    CONEMAP__KERNEL(offsets)(conemap__row_places, CONEMAP__TILE, top, top + relaxed, search->sector.sv, &rows);
     if (tile->noted == CONEMAP__NOTED) tile->noted = 1; /* these are hints only */
     number = tile->noted;
-    for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
-        CONEMAP__F s, dh2, d2, slope2;
-        CONEMAP__M beats;
-        if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
-        s = CONEMAP__LOADF(tile->slope2 + i);
-        beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns, &rows, highest, room,
-                                      CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)), &dh2, &d2);
-        if (!CONEMAP__ANY(beats)) continue;
-        if (relaxed) {
-            slope2 = CONEMAP__KERNEL(far_corners)(search, tile, i, left, top, h, always);
-        } else {
-            beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
-            slope2 = CONEMAP__DIV(dh2, d2);
+    for (; groups; groups &= groups - 1) {
+        int first = CONEMAP__TRAILING_ZEROS(groups) * CONEMAP__GROUP;
+        for (i = first; i < first + CONEMAP__GROUP; i += CONEMAP__LANES) {
+            CONEMAP__F s = CONEMAP__LOADF(tile->slope2 + i), dh2, d2, slope2;
+            CONEMAP__M beats;
+            beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns, &rows, highest, room,
+                                          CONEMAP__MUL(s, CONEMAP__F1(CONEMAP__MARGIN)), &dh2, &d2);
+            if (!CONEMAP__ANY(beats)) continue;
+            if (relaxed) {
+                slope2 = CONEMAP__KERNEL(far_corners)(search, tile, i, left, top, h, always);
+            } else {
+                beats = CONEMAP__AND(beats, CONEMAP__LE(CONEMAP__F1(search->near2 - search->deflate), d2));
+                slope2 = CONEMAP__DIV(dh2, d2);
+            }
+            beats = CONEMAP__AND(beats, CONEMAP__LT(s, slope2));
+            if (!CONEMAP__ANY(beats)) continue;
+            slope2 = CONEMAP__MUL(slope2, CONEMAP__F1(search->widen2));
+            CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
+            CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number),
+                                                              CONEMAP__LOADI(tile->decider + i)));
+            any = 1;
         }
-        beats = CONEMAP__AND(beats, CONEMAP__LT(s, slope2));
-        if (!CONEMAP__ANY(beats)) continue;
-        slope2 = CONEMAP__MUL(slope2, CONEMAP__F1(search->widen2));
-        CONEMAP__STOREF(tile->slope2 + i, CONEMAP__PICK(beats, slope2, s));
-        CONEMAP__STOREI(tile->decider + i, CONEMAP__PICKI(beats, CONEMAP__I1(number),
-                                                          CONEMAP__LOADI(tile->decider + i)));
-        any = 1;
     }
     if (!any) return;
-    tile->noted_x[number] = x + tile->shift_x;
-    tile->noted_y[number] = y + tile->shift_y;
+    tile->note[number].k = 0;
+    tile->note[number].x = x + tile->shift_x;
+    tile->note[number].y = y + tile->shift_y;
+    tile->note[number].height = 0.0f; /* asked again */
     ++tile->noted;
 }
 
@@ -18520,7 +18546,7 @@ CONEMAP__HELPER void CONEMAP__KERNEL(four_maxima)(const conemap_map *map, const 
 
 /* As `open`. */
 CONEMAP__HELPER int CONEMAP__KERNEL(open_part)(const conemap_map *map, const conemap__search *search,
-                                               conemap__tile *tile, int k, int x, int y, int groups, int skip,
+                                               conemap__tile *tile, int k, int x, int y, unsigned groups, int skip,
                                                conemap__node *out, int relaxed) {
     const conemap_info *info = &map->info;
     conemap__offsets columns[2], rows[2];
@@ -18532,11 +18558,14 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open_part)(const conemap_map *map, const con
     if (skip >= 0) highest[skip] = -1.0f;
     for (c = 0; c < 2; ++c) {
         int last = (c + 1) * size - 1 + relaxed;
-        CONEMAP__KERNEL(offsets)(left + c * size, left + last, search->sector.su, &columns[c]);
-        CONEMAP__KERNEL(offsets)(top + c * size, top + last, search->sector.sv, &rows[c]);
+        CONEMAP__KERNEL(offsets)(conemap__column_places, 2 * CONEMAP__TILE, left + c * size, left + last,
+                                 search->sector.su, &columns[c]);
+        CONEMAP__KERNEL(offsets)(conemap__row_places, CONEMAP__TILE, top + c * size, top + last, search->sector.sv,
+                                 &rows[c]);
     }
     for (c = 3; c >= 0; --c) {
-        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y, alive = 0;
+        int across = (c & 1) ^ near_x, down = (c >> 1) ^ near_y;
+        unsigned alive = 0, left_over;
         float high = highest[2 * down + across], room = (float)search->room;
         if (!(high > tile->ground)) continue;
         if (!relaxed) {
@@ -18548,18 +18577,16 @@ CONEMAP__HELPER int CONEMAP__KERNEL(open_part)(const conemap_map *map, const con
                                 left + x1, top + y0 - CONEMAP__TILE + 1, top + y1, &dx, &dy))
                 continue;
         }
-        for (i = 0; i < CONEMAP__TILE * CONEMAP__TILE; i += CONEMAP__LANES) {
-            CONEMAP__F bar, dh2, d2;
-            CONEMAP__M beats;
-            if (!(groups >> CONEMAP__GROUP(i) & 1)) continue;
-            bar = CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + i), CONEMAP__F1(CONEMAP__MARGIN));
-            beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns[across], &rows[down], high, room, bar, &dh2, &d2);
-            alive |= CONEMAP__ANY(beats) ? 1 << CONEMAP__GROUP(i) : 0;
+        for (left_over = groups; left_over; left_over &= left_over - 1) {
+            int first = CONEMAP__TRAILING_ZEROS(left_over) * CONEMAP__GROUP;
+            for (i = first; i < first + CONEMAP__GROUP; i += CONEMAP__LANES) {
+                CONEMAP__F bar = CONEMAP__MUL(CONEMAP__LOADF(tile->slope2 + i), CONEMAP__F1(CONEMAP__MARGIN)), dh2, d2;
+                CONEMAP__M beats = CONEMAP__KERNEL(sees)(search, tile, i, &columns[across], &rows[down], high, room,
+                                                         bar, &dh2, &d2);
+                alive |= CONEMAP__ANY(beats) ? left_over & (0u - left_over) : 0;
+            }
         }
-        out[count].k = k;
-        out[count].x = 2 * x + across;
-        out[count].y = 2 * y + down;
-        out[count].groups = alive;
+        out[count] = conemap__make_node(k, 2 * x + across, 2 * y + down, alive);
         count += alive != 0;
     }
     return count;
@@ -18570,19 +18597,20 @@ CONEMAP__HELPER void CONEMAP__KERNEL(work_off_part)(const conemap_map *map, cons
     while (count > 0) {
         conemap__node node = stack[--count];
         float highest[4];
-        int c;
-        if (node.k > 1) {
-            count += CONEMAP__KERNEL(open_part)(map, search, tile, node.k - 1, node.x, node.y, node.groups, -1,
+        int k = (int)(node.groups >> 32), x = (int)(node.place & 0xffffffffu), y = (int)(node.place >> 32), c;
+        unsigned groups = (unsigned)(node.groups & 0xffffffffu);
+        if (k > 1) {
+            count += CONEMAP__KERNEL(open_part)(map, search, tile, k - 1, x, y, groups, -1,
                                                 stack + count, relaxed);
             continue;
         }
-        CONEMAP__KERNEL(four_maxima)(map, tile, 0, node.x, node.y, highest, relaxed);
+        CONEMAP__KERNEL(four_maxima)(map, tile, 0, x, y, highest, relaxed);
         for (c = 0; c < 4; ++c)
             if (highest[c] > tile->ground)
-                CONEMAP__KERNEL(look_at_one)(map, search, tile, node.groups,
-                                             2 * node.x + (c & 1) +
+                CONEMAP__KERNEL(look_at_one)(map, search, tile, groups,
+                                             2 * x + (c & 1) +
                                              (relaxed ? conemap__outer_first(map->info.wrap_u) : 0),
-                                             2 * node.y + (c >> 1) +
+                                             2 * y + (c >> 1) +
                                              (relaxed ? conemap__outer_first(map->info.wrap_v) : 0),
                                              highest[c], relaxed);
     }
@@ -18593,12 +18621,13 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_part)(const conemap_map *map, const 
     conemap__node stack[3 * 17 + 4];
     const conemap_info *info = &map->info;
     int levels = relaxed ? map->build.falling[0].levels : map->build.texels.levels, x0 = tile->x, y0 = tile->y, k, a, b;
-    int x = relaxed ? x0 - conemap__outer_first(info->wrap_u) : x0, all = CONEMAP__LANES == 1 ? 0xffff : 1;
+    const unsigned all = CONEMAP__GROUPS;
+    int x = relaxed ? x0 - conemap__outer_first(info->wrap_u) : x0;
     int y = relaxed ? y0 - conemap__outer_first(info->wrap_v) : y0, images_u, images_v, count;
     tile->ground = 2.0f;
     tile->by_border = 0;
-    for (k = 0; k < CONEMAP__TILE * CONEMAP__TILE; ++k) {
-        int i = x0 + k % CONEMAP__TILE, j = y0 + k / CONEMAP__TILE;
+    for (k = 0; k < CONEMAP__TILE_TEXELS; ++k) {
+        int i = x0 + k / 2 % CONEMAP__TILE, j = y0 + k / (2 * CONEMAP__TILE) * 2 + k % 2;
         int whole = search->sector.major != 0 && search->room && conemap__texels_by_border(info, i, i, j, j);
         tile->room[k] = whole ? CONEMAP__WIDE : 0.0f;
         tile->by_border |= whole;
@@ -18607,16 +18636,13 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_part)(const conemap_map *map, const 
     tile->shift_x = tile->shift_y = 0;
     for (k = 0; k < search->seeds; ++k) {
         conemap__corners corners = conemap__gather(
-            map->heights, conemap__cell_quad(map, search->seed_x[k], search->seed_y[k]));
-        CONEMAP__KERNEL(look_at_one)(map, search, tile, all, search->seed_x[k], search->seed_y[k],
+            map->heights, conemap__cell_quad(map, search->seed[k].x, search->seed[k].y));
+        CONEMAP__KERNEL(look_at_one)(map, search, tile, all, search->seed[k].x, search->seed[k].y,
                                      relaxed ? conemap__highest(corners) : corners.h00, relaxed);
     }
     if (levels == 1) return; /* a single texel and its images */
-    k = conemap__mini(3, levels - 1);
-    stack[0].k = k;
-    stack[0].x = x >> k;
-    stack[0].y = y >> k;
-    stack[0].groups = all;
+    k = conemap__mini(4, levels - 1);
+    stack[0] = conemap__make_node(k, x >> k, y >> k, all);
     CONEMAP__KERNEL(work_off_part)(map, search, tile, stack, 1, relaxed);
     for (; k + 1 < levels; ++k) {
         int own = (y >> k & 1) << 1 | (x >> k & 1);
@@ -18638,7 +18664,6 @@ CONEMAP__HELPER void CONEMAP__KERNEL(search_part)(const conemap_map *map, const 
     tile->x = x0;
     tile->y = y0;
 }
-#undef CONEMAP__GROUP
 
 CONEMAP__FUNCTION void CONEMAP__KERNEL(search_tile)(const conemap_map *map, conemap__search *search,
                                                     conemap__tile *tile) {
@@ -19266,7 +19291,7 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
         int at = group * CONEMAP__LANES % CONEMAP__BLOCK;
         if (turn[group] == FLY) {
             int flying = CONEMAP__KERNEL(fly_on)(f, rays, at);
-            turn[group] = 2 * conemap__count_bits(flying) <= CONEMAP__LANES; /* FLY or AIM, without a branch */
+            turn[group] = 2 * conemap__count_bits((unsigned)flying) <= CONEMAP__LANES; /* FLY or AIM, without a branch */
         } else if (turn[group] == AIM) {
             for (k = 0; k < CONEMAP__LANES; k += CONEMAP__DLANES) CONEMAP__KERNEL(aim_close)(f, rays, at + k);
             turn[group] = MEET;
@@ -19310,13 +19335,13 @@ CONEMAP__FUNCTION void CONEMAP__KERNEL(fly)(conemap__flight *f) {
 #undef CONEMAP__ISHR
 #undef CONEMAP__ISUB
 #undef CONEMAP__KERNEL
-#undef CONEMAP__PART_WIDTH
-#undef CONEMAP__PART_HEIGHT
-#undef CONEMAP__LANE_WIDTH
-#undef CONEMAP__LANE_HEIGHT
+#undef CONEMAP__GROUP
+#undef CONEMAP__GROUPS
 #undef CONEMAP__LANES
 #undef CONEMAP__LE
 #undef CONEMAP__LOADF
+#undef CONEMAP__PAIRF
+#undef CONEMAP__MARK
 #undef CONEMAP__LOADI
 #undef CONEMAP__LOADU16
 #undef CONEMAP__LOADU8

@@ -468,7 +468,7 @@ case "frusta shaders in HLSL" in
     elif ! dlls; then
         skip "shaders in HLSL" "Microsoft compilers (npm could not fetch them; HLSL_DLLS can name a folder)"
     else
-        SHADER_SAMPLES=${SHADER_SAMPLES:-100} part "shaders in HLSL" shaders hlsl
+        SHADER_SAMPLES=${SHADER_SAMPLES:-60} part "shaders in HLSL" shaders hlsl
         part "frusta shaders in HLSL" shaders hlsl frusta_variants
     fi
     ;;
