@@ -20,6 +20,17 @@ under_wine() {
     export WINEPREFIX WINEARCH WINEDEBUG WINEDLLOVERRIDES
     [ -d wine ] || timeout 120 "$wine" wineboot -i </dev/null >/dev/null 2>&1
 }
+# compile LIBRARY PROFILE FILE...: a run that wine itself breaks off doesn't come to say what it compiled, and is repeated.
+compile() {
+    for try in first second third; do
+        timeout 300 "$wine" hlsl.exe "$@" </dev/null >run.log 2>&1
+        status=$?
+        if grep -q '^compiled ' run.log; then break; fi
+        echo "$try try broken off, exit status $status" >>broken.log
+    done
+    cat run.log
+    return $status
+}
 if [ "$part" = hlslrun ]; then
     gcc -std=c99 -O2 -I"$here/../.." "$here/gl.c" -o "$dir/gl" -lEGL -lm || exit 1
     cd "$dir" || exit 1
@@ -30,7 +41,7 @@ if [ "$part" = hlslrun ]; then
         x86_64-w64-mingw32-gcc -O1 "$OLDPWD/$here/hlsl.c" -o hlsl.exe || exit 1
         cp "$HLSL_DLLS/msdxc_spirv.dll" .
         under_wine
-        timeout 300 "$wine" hlsl.exe msdxc_spirv.dll spirv texts/*.hlsl || exit 1
+        compile msdxc_spirv.dll spirv texts/*.hlsl || exit 1
     else
         for file in texts/*.hlsl; do
             glslangValidator -D -V -e main -S comp --sbb 8 --sib 8 --ssb 16 --sub 24 "$file" -o "$file.spv" >"$file.log" ||
@@ -111,8 +122,14 @@ hlsl)
         step=1
         [ "$1" = msfxc_old.dll ] && step=4
         [ "$writer $2" = "frusta_variants 5_0" ] && step=16 # these take a second each
-        ls "$3"/*.hlsl | awk -v step=$step 'NR % step == 0' | xargs -n 25 timeout 120 "$wine" hlsl.exe "$1" "$2" >"$1.log" 2>&1 || failed=1
-        awk -v name="$1" '/^compiled /{good += $2; bad += $4} END {print name ": " good + 0 " compiled, " bad + 0 " failed"}' "$1.log" | tee -a count
+        ls "$3"/*.hlsl | awk -v step=$step 'NR % step == 0' >files
+        xargs -n 25 <files | while read -r batch; do
+            # shellcheck disable=SC2086
+            compile "$1" "$2" $batch
+        done >"$1.log"
+        awk -v name="$1" -v files="$(wc -l <files)" '/^compiled /{good += $2; bad += $4}
+            END {print name ": " good + 0 " compiled, " bad + 0 " failed"; exit good != files}' "$1.log" >judged || failed=1
+        tee -a count <judged
         grep -v '^compiled ' "$1.log" | grep . | head -n 10
     done
     ;;
