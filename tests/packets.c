@@ -115,6 +115,7 @@ static double clearance(const struct truth_map *truth, const conemap_ray *ray, d
         d[k] = (double)ray->direction[k];
     }
     truth_above_floor(o, d, &begin, &end);
+    if (d[2] > 0.0) begin = fmax(begin, -o[2] / d[2]); /* the truth's grain below the floor is no part of the way */
     if (d[2] < 0.0) begin = fmax(begin, (1.0 - o[2]) / d[2]);
     if (d[2] > 0.0) end = fmin(end, (1.0 - o[2]) / d[2]);
     if (d[2] == 0.0 && o[2] > 1.0) return HUGE_VAL;
