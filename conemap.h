@@ -342,8 +342,9 @@ typedef struct conemap_desc {
     void *scratch;          /* caller-owned memory for the build only; null: allocate */
     size_t scratch_size;    /* at least conemap_memory's scratch_size */
 
-    int (*progress)(double done, void *user); /* 0..1; a nonzero return cancels; null: none. Called from the
-                               thread that runs the job; with parallel jobs `done` is not in order */
+    int (*progress)(double done, void *user); /* 0..1, and 1 at the end; a nonzero return cancels, there too; null:
+                               none. Called from the thread that runs the job, lastly from the one that calls
+                               conemap_end; with parallel jobs `done` is not in order */
     void *progress_user;
     void (*parallel_for)(int count, conemap_job *job, void *context, void *user); /* run job(context, 0) to
                                job(context, count - 1) on any threads in any order, return when all are done;
@@ -4469,9 +4470,7 @@ static void conemap__columns(const conemap_map *map, int sector, int y, int *x0,
     *x1 = conemap__mini(columns[1] + 2, w);
 }
 
-/* The jobs of a sector's cones: one sector after the other. */
-
-/* Tells the host how far the build is: almost all of the work is in the cones. */
+/* Tells the host how far the build is: almost all of the work is in the cones. After the last pass comes 1. */
 static conemap_result conemap__report(const conemap_map *map, int pass, int sector, double done_rows) {
     const conemap_desc *desc = &map->build.desc;
     double cones = ((double)sector + done_rows / (double)map->info.height) / (double)conemap__planes(&map->info), done;
@@ -4872,6 +4871,10 @@ CONEMAP__DEF conemap_result conemap_end(conemap_map *map) {
         }
     }
     map->info.height_hash = conemap__survey_heights(map, &map->highest);
+    if (conemap__report(map, CONEMAP__PASS_COUNT, 0, 0.0) != CONEMAP_OK) {
+        conemap_free(map);
+        return CONEMAP_CANCELLED;
+    }
     conemap__release(&map->build.allocator, map->build.scratch, map->build.owns_scratch);
     map->build.scratch = NULL;
     map->build.owns_scratch = 0;
